@@ -1,0 +1,1 @@
+//! The unified spherical camera model: project, unproject, field of view, valid region.

@@ -1,0 +1,1 @@
+//! Figures as SVG and PNG. Reads artefacts; computes no metric.

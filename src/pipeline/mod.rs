@@ -1,0 +1,3 @@
+//! Machinery that runs stages: keys, plan, execution, events, progress. Knows no domain word.
+
+pub mod progress;

@@ -1,0 +1,1 @@
+//! What a run was made with: commit, lock file, toolchain, hardware.

@@ -1,0 +1,1 @@
+//! The one-page report. Reads artefacts; computes no metric.

@@ -1,0 +1,1 @@
+//! Hyper-parameter search: space, samplers, pruners, importance, study.

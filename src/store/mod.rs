@@ -1,0 +1,59 @@
+//! Everything that is written to disk: whole files, content-addressed artefacts, run folders.
+//!
+//! A file appears complete or not at all: it is written to a temporary file in the same folder,
+//! synced, and renamed. No other module opens a file for writing.
+
+mod artefact;
+mod file;
+mod hash;
+
+pub use artefact::{Artefact, ArtefactWriter, Cache};
+pub use file::{AtomicFile, create_dir, read, read_to_string, remove_dir, write, write_json};
+pub use hash::{Hash, Hasher, hash_bytes, hash_file, hash_json};
+
+use std::path::PathBuf;
+
+use crate::error::{Class, Classify};
+
+/// What can go wrong with the disk.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The operating system refused.
+    #[error("cannot {action} `{}`: {source}", path.display())]
+    Io {
+        /// What was tried, e.g. `write`.
+        action: &'static str,
+        /// On which file.
+        path: PathBuf,
+        /// What the operating system said.
+        source: std::io::Error,
+    },
+    /// A stored file is not what was written.
+    #[error("`{}` is damaged: {reason}", path.display())]
+    Damaged {
+        /// Which file.
+        path: PathBuf,
+        /// How that was seen.
+        reason: String,
+    },
+    /// A value does not serialise; a bug.
+    #[error("cannot serialise `{}`: {source}", path.display())]
+    Serialise {
+        /// For which file.
+        path: PathBuf,
+        /// What serde said.
+        source: serde_json::Error,
+    },
+}
+
+impl Classify for Error {
+    fn class(&self) -> Class {
+        Class::Run
+    }
+}
+
+impl Error {
+    pub(crate) fn io(action: &'static str, path: &std::path::Path, source: std::io::Error) -> Self {
+        Error::Io { action, path: path.to_owned(), source }
+    }
+}

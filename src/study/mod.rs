@@ -1,0 +1,1 @@
+//! The composition root: an experiment's stages, from panoramas to report.

@@ -1,0 +1,1 @@
+//! Training of one network: loop, optimisers, dropout, early stopping, checkpoint.
