@@ -100,7 +100,7 @@ impl Cache {
         let folder = self.root.join(stage);
         create_dir(&folder)?;
         let path = folder.join(format!(".lock-{}", key.short(32)));
-        let file = File::create(&path).map_err(|e| Error::io("create", &path, e))?;
+        let file = File::options().create(true).append(true).open(&path).map_err(|e| Error::io("create", &path, e))?;
         file.lock().map_err(|e| Error::io("lock", &path, e))?;
         Ok(file)
     }
