@@ -1,1 +1,128 @@
 //! The command line: one file a subcommand, no logic.
+//!
+//! Data goes to standard output, talk to standard error.
+
+mod args;
+mod check;
+mod config;
+mod interrupt;
+mod plan;
+mod progress;
+mod run;
+mod weights;
+
+pub use args::Cli;
+
+use std::io::IsTerminal;
+use std::path::Path;
+use std::process::ExitCode;
+
+use clap::Parser;
+
+use crate::config::{ConfigErrors, Loaded, LoadedExperiment};
+use crate::error::{Class, Classify};
+use crate::kernel;
+use crate::pipeline::progress::Progress;
+use crate::study::Options;
+use args::{Command, ExperimentArgs, Global};
+use progress::{Bars, Format, Lines, Quiet};
+
+/// Why a command did not come to its end, ready to print.
+#[derive(Debug)]
+struct Failure {
+    class: Class,
+    message: String,
+}
+
+impl Failure {
+    fn input(message: impl Into<String>) -> Self {
+        Self { class: Class::Input, message: message.into() }
+    }
+}
+
+impl<E: Classify> From<E> for Failure {
+    fn from(error: E) -> Self {
+        Self { class: error.class(), message: format!("error: {error}") }
+    }
+}
+
+/// Parses the command line, does what it says, and returns the exit code.
+pub fn main() -> ExitCode {
+    keep_pages();
+    let cli = Cli::parse();
+    interrupt::listen();
+    match dispatch(&cli) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            eprintln!("{}", failure.message.trim_end());
+            ExitCode::from(failure.class.exit_code())
+        }
+    }
+}
+
+fn dispatch(cli: &Cli) -> Result<(), Failure> {
+    kernel::check_isa().map_err(|e| Failure::input(format!("error: {e}")))?;
+    let threads = cli.global.threads();
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
+    pool.map_err(|e| Failure { class: Class::Run, message: format!("error: cannot start {threads} threads: {e}") })?;
+    match &cli.command {
+        Command::Run(args) => run::run(&cli.global, args),
+        Command::Check(args) => check::check(args),
+        Command::Plan(args) => plan::plan(&cli.global, args),
+        Command::Config(args) => config::config(args),
+        Command::Weights(args) => weights::weights(&cli.global, args),
+    }
+}
+
+/// Training allocates and frees the same sizes over and over; pages that stay with the process
+/// spare it most of its page faults.
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+fn keep_pages() {
+    // SAFETY: mallopt only changes parameters of the allocator, before any other thread runs.
+    unsafe {
+        libc::mallopt(libc::M_MMAP_THRESHOLD, 1 << 30);
+        libc::mallopt(libc::M_TRIM_THRESHOLD, libc::c_int::MAX);
+        libc::mallopt(libc::M_TOP_PAD, 64 << 20);
+    }
+}
+
+#[cfg(not(all(target_os = "linux", target_env = "gnu")))]
+fn keep_pages() {}
+
+fn options(global: &Global, fresh: bool) -> Options {
+    let cache = global.cache();
+    let weights = crate::study::weights_folders(&cache);
+    Options { results: global.results.clone(), cache, weights, threads: global.threads(), fresh }
+}
+
+fn listener(global: &Global) -> Box<dyn Progress> {
+    match (global.quiet, global.json, std::io::stderr().is_terminal()) {
+        (true, false, _) => Box::new(Quiet),
+        (_, true, _) => Box::new(Lines::new(Format::Json)),
+        (_, _, true) => Box::new(Bars::new()),
+        (_, _, false) => Box::new(Lines::new(Format::Plain)),
+    }
+}
+
+fn load(args: &ExperimentArgs) -> Result<Loaded, Failure> {
+    load_file(&args.file, args.profile.map(args::ProfileArg::name), &args.sets)
+}
+
+fn load_file(file: &Path, profile: Option<&str>, sets: &[String]) -> Result<Loaded, Failure> {
+    crate::config::load(file, profile, sets).map_err(|e| config_failure(&e))
+}
+
+fn load_experiment(args: &ExperimentArgs) -> Result<Box<LoadedExperiment>, Failure> {
+    match load(args)? {
+        Loaded::Experiment(experiment) => Ok(experiment),
+        Loaded::Suite(_) => {
+            let message = format!("error: `{}` is a suite; name one of its experiments", args.file.display());
+            Err(Failure::input(message))
+        }
+    }
+}
+
+fn config_failure(errors: &ConfigErrors) -> Failure {
+    let colour = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
+    Failure { class: errors.class(), message: errors.render(colour) }
+}

@@ -1,3 +1,6 @@
-//! Machinery that runs stages: keys, plan, execution, events, progress. Knows no domain word.
+//! Machinery that runs stages: plan, events, progress, rates. Knows no domain word.
 
+pub mod events;
+pub mod plan;
 pub mod progress;
+pub mod rates;

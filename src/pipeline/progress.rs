@@ -28,3 +28,17 @@ impl Progress for Silent {
         false
     }
 }
+
+/// Passes on nothing but the wish to stop; for work whose units another listener counts.
+#[derive(Clone, Copy)]
+pub struct OnlyInterruption<'a>(pub &'a dyn Progress);
+
+impl Progress for OnlyInterruption<'_> {
+    fn begin(&self, _: &str, _: u64) {}
+    fn advance(&self, _: u64) {}
+    fn note(&self, _: &str) {}
+    fn end(&self) {}
+    fn interrupted(&self) -> bool {
+        self.0.interrupted()
+    }
+}

@@ -96,6 +96,17 @@ impl Cache {
         Ok(writer.publish(&self.folder(stage, key))?)
     }
 
+    /// Removes an artefact, so that it is made anew; an absent one is no error.
+    pub fn remove(&self, stage: &str, key: &Hash) -> Result<(), Error> {
+        let _lock = self.lock(stage, key)?;
+        remove_dir(&self.folder(stage, key))
+    }
+
+    /// The folder of all artefacts.
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+
     fn lock(&self, stage: &str, key: &Hash) -> Result<File, Error> {
         let folder = self.root.join(stage);
         create_dir(&folder)?;

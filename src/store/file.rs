@@ -87,6 +87,14 @@ pub fn write_json<T: Serialize>(path: &Path, value: &T) -> Result<(), Error> {
     write(path, &bytes)
 }
 
+/// Copies the file `source` to `target`, whole or not at all.
+pub fn copy(source: &Path, target: &Path) -> Result<(), Error> {
+    let mut reader = File::open(source).map_err(|e| Error::io("open", source, e))?;
+    let mut file = AtomicFile::create(target)?;
+    std::io::copy(&mut reader, &mut file).map_err(|e| Error::io("write", target, e))?;
+    file.commit()
+}
+
 /// Makes `folder` and the folders above it.
 pub fn create_dir(folder: &Path) -> Result<(), Error> {
     std::fs::create_dir_all(folder).map_err(|e| Error::io("create", folder, e))
@@ -96,6 +104,14 @@ pub fn create_dir(folder: &Path) -> Result<(), Error> {
 pub fn remove_dir(folder: &Path) -> Result<(), Error> {
     match std::fs::remove_dir_all(folder) {
         Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::io("remove", folder, e)),
+        _ => Ok(()),
+    }
+}
+
+/// Removes the file `path`; an absent one is no error.
+pub fn remove_file(path: &Path) -> Result<(), Error> {
+    match std::fs::remove_file(path) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::io("remove", path, e)),
         _ => Ok(()),
     }
 }

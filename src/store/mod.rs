@@ -6,10 +6,14 @@
 mod artefact;
 mod file;
 mod hash;
+mod log;
+mod run_folder;
 
 pub use artefact::{Artefact, ArtefactWriter, Cache};
-pub use file::{AtomicFile, create_dir, read, read_to_string, remove_dir, write, write_json};
+pub use file::{AtomicFile, copy, create_dir, read, read_to_string, remove_dir, remove_file, write, write_json};
 pub use hash::{Hash, Hasher, hash_bytes, hash_file, hash_json};
+pub use log::AppendLog;
+pub use run_folder::{Opened, RunFolder, SUMS};
 
 use std::path::PathBuf;
 

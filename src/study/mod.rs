@@ -1,1 +1,156 @@
 //! The composition root: an experiment's stages, from panoramas to report.
+//!
+//! The only module that knows all others. Stages whose results several runs can share — panoramas,
+//! dataset, features, spectra — are artefacts of the cache; study, refits, evaluation and output
+//! belong to a run and live in its folder. Whatever is finished is found there again, so the same
+//! command goes on after an interruption and ends with the same bits.
+
+mod arms;
+mod describe;
+mod error;
+mod gallery;
+mod outputs;
+mod plan;
+mod stages;
+mod suite;
+mod trials;
+
+pub use error::Error;
+pub use plan::plan;
+pub use suite::run_suite;
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use crate::config::LoadedExperiment;
+use crate::evaluate::Arm;
+use crate::kernel;
+use crate::pipeline::events::Events;
+use crate::pipeline::progress::Progress;
+use crate::provenance::Provenance;
+use crate::store::{self, Opened, RunFolder, write_json};
+
+use stages::Stages;
+
+/// What is not part of an experiment: where things are, and how many hands there are.
+#[derive(Debug, Clone)]
+pub struct Options {
+    /// Folder of run folders.
+    pub results: PathBuf,
+    /// Folder of stage artefacts.
+    pub cache: PathBuf,
+    /// Folders in which weights files are looked for.
+    pub weights: Vec<PathBuf>,
+    /// Trials trained at once, at most.
+    pub threads: usize,
+    /// Begin a new run and make every artefact anew.
+    pub fresh: bool,
+}
+
+/// How a run came to its end.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Finished {
+    /// The run's folder.
+    pub folder: PathBuf,
+    /// Whether it was finished before.
+    pub already: bool,
+}
+
+/// What of a run is equal to the byte between reruns, and listed in `SHA256SUMS`.
+const EXACT: [&str; 10] = [
+    "tables",
+    "figures",
+    "predictions",
+    "trials",
+    "metrics.json",
+    "curves",
+    "models",
+    "gallery",
+    "network.json",
+    "resolved.yaml",
+];
+
+/// Executes `experiment`, or goes on with it, or finds it finished.
+///
+/// # Errors
+/// Those of the stages; what was finished before stays finished.
+pub fn run(experiment: &LoadedExperiment, options: &Options, progress: &dyn Progress) -> Result<Finished, Error> {
+    let spec = &experiment.spec;
+    match RunFolder::open(&options.results, &spec.name, spec.seed, &experiment.hash(), options.fresh)? {
+        Opened::Finished(folder) => Ok(Finished { folder, already: true }),
+        Opened::Busy(folder) => Err(Error::Busy { folder }),
+        Opened::Unfinished(folder) => {
+            let path = execute(experiment, options, folder, progress)?;
+            Ok(Finished { folder: path, already: false })
+        }
+    }
+}
+
+fn execute(
+    experiment: &LoadedExperiment,
+    options: &Options,
+    folder: RunFolder,
+    progress: &dyn Progress,
+) -> Result<PathBuf, Error> {
+    let spec = &experiment.spec;
+    let events = Events::open(&folder.join("events.jsonl"))?;
+    events.tell("run_started", &serde_json::json!({ "run": folder.path() }))?;
+    describe_run(experiment, options, &folder)?;
+
+    let stages = Stages::new(spec, options, &events, progress);
+    let catalogue = stages.panoramas()?;
+    let dataset = stages.dataset(&catalogue)?;
+    let features = stages.features(&dataset)?;
+    let spectra = stages.spectra(&dataset)?;
+
+    let data = Arc::new(stages::training_data(&features.value, dataset.value.views())?);
+    let trials = stages.timed("study", spec.search.trials as f64, || trials::search(spec, options, &folder, &data, &stages))?;
+    let best = trials::best(spec, &trials)?;
+    let refits = f64::from(2 * spec.evaluation.refit_seeds);
+    let arms = stages.timed("refit", refits, || arms::refit(spec, options, &folder, &data, best.as_ref(), &stages))?;
+
+    stages.timed("evaluation", 1.0, || {
+        arms::evaluate(spec, &folder, &arms, &features.value, &dataset.value, &spectra.value)
+    })?;
+    stages.timed("report", 1.0, || {
+        describe::write(spec, &folder, &stages, &catalogue.value, &dataset.value, &features, best.as_ref())?;
+        gallery::write(spec, &folder, &catalogue.value, &dataset.value)?;
+        outputs::write(&folder)
+    })?;
+    outputs::write_durations(&folder)?;
+    events.tell("run_finished", &serde_json::json!({ "run": folder.path() }))?;
+    remove_checkpoints(&folder, spec.search.trials)?;
+    Ok(folder.finish(&EXACT)?)
+}
+
+fn describe_run(experiment: &LoadedExperiment, options: &Options, folder: &RunFolder) -> Result<(), Error> {
+    store::write(&folder.join("experiment.yaml"), experiment.source_text.as_bytes())?;
+    store::write(&folder.join("resolved.yaml"), experiment.resolved_yaml().as_bytes())?;
+    let provenance = Provenance::gather(&experiment.file, kernel::isa().name(), options.threads);
+    Ok(write_json(&folder.join("provenance.json"), &provenance)?)
+}
+
+/// Checkpoints are for going on; a finished run has no use for them.
+fn remove_checkpoints(folder: &RunFolder, trials: u32) -> Result<(), Error> {
+    for number in 0..trials {
+        store::remove_dir(&trials::folder(folder.path(), number).join("checkpoint"))?;
+    }
+    Ok(store::remove_dir(&folder.join("checkpoints"))?)
+}
+
+/// Name of the refit `index` of `arm` in file names.
+fn refit_name(arm: Arm, index: u32) -> String {
+    let arm = match arm {
+        Arm::Baseline => "baseline",
+        Arm::Tuned => "tuned",
+        Arm::PredictMean => "predict_mean",
+        Arm::SpectrumControl => "spectrum_control",
+    };
+    format!("{arm}-{index}")
+}
+
+/// Where weights files are looked for: the cache, then the development data.
+pub fn weights_folders(cache: &Path) -> Vec<PathBuf> {
+    let development = std::env::var_os("PANOTUNE_DATA_DIR").map(|d| PathBuf::from(d).join("weights"));
+    std::iter::once(cache.join("weights")).chain(development).collect()
+}

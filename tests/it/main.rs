@@ -1,1 +1,10 @@
+//! Tests of the whole: rules of the architecture, the command line, runs of the real binary.
 
+mod architecture;
+mod bad_input;
+mod command_line;
+mod panoramas;
+mod pins;
+mod real_data;
+mod reruns;
+mod support;

@@ -1,0 +1,178 @@
+//! The command line as typed.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+/// Reproducible camera-characterisation studies from one YAML file.
+#[derive(Debug, Parser)]
+#[command(name = "panotune", version, disable_help_subcommand = true, after_help = EXIT_CODES)]
+pub struct Cli {
+    /// Options of every command.
+    #[command(flatten)]
+    pub global: Global,
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+const EXIT_CODES: &str = "Exit codes: 0 done; 1 the run failed; 2 the input is wrong; \
+3 compared or verified, and different; 130 interrupted, resumable.";
+
+/// Options of every command.
+#[derive(Debug, Clone, Args)]
+pub struct Global {
+    /// Folder of run folders.
+    #[arg(long, global = true, value_name = "DIR", default_value = "results")]
+    pub results: PathBuf,
+    /// Folder of stage artefacts shared by runs [default: <results>/.cache]
+    #[arg(long, global = true, value_name = "DIR")]
+    pub cache: Option<PathBuf>,
+    /// Threads to use; no result depends on it [default: all cores]
+    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+    /// Say nothing but errors and the final result.
+    #[arg(long, global = true)]
+    pub quiet: bool,
+    /// Write one JSON object a line to standard output.
+    #[arg(long, global = true)]
+    pub json: bool,
+}
+
+impl Global {
+    /// The cache folder.
+    pub fn cache(&self) -> PathBuf {
+        self.cache.clone().unwrap_or_else(|| self.results.join(".cache"))
+    }
+
+    /// The number of threads.
+    pub fn threads(&self) -> usize {
+        let cores = || std::thread::available_parallelism().map_or(1, usize::from);
+        self.threads.map_or_else(cores, usize::from)
+    }
+}
+
+/// The subcommands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Execute an experiment or a suite, or go on with an interrupted one.
+    Run(RunArgs),
+    /// Check experiment files without computing anything.
+    Check(CheckArgs),
+    /// Show the stages of an experiment: cached or to run, why, and for how long.
+    Plan(ExperimentArgs),
+    /// Show resolved values, or the schema of experiment files.
+    Config(ConfigArgs),
+    /// Install and list trained backbone weights.
+    Weights(WeightsArgs),
+}
+
+/// An experiment file and what changes it.
+#[derive(Debug, Clone, Args)]
+pub struct ExperimentArgs {
+    /// Experiment file.
+    pub file: PathBuf,
+    /// Scale that overrides the file's values.
+    #[arg(long, value_enum)]
+    pub profile: Option<ProfileArg>,
+    /// Override one value, e.g. `train.epochs=50`; may be given several times.
+    #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
+    pub sets: Vec<String>,
+}
+
+/// Names of profiles.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum ProfileArg {
+    /// The paper's scale: 17,000 views, 1,000 epochs.
+    Paper,
+    /// Within ten minutes on two cores (the default).
+    Desk,
+    /// Within a minute.
+    Smoke,
+    /// Within seconds.
+    Tiny,
+}
+
+impl ProfileArg {
+    /// The profile's name, as in `configs/profile/`.
+    pub fn name(self) -> &'static str {
+        match self {
+            ProfileArg::Paper => "paper",
+            ProfileArg::Desk => "desk",
+            ProfileArg::Smoke => "smoke",
+            ProfileArg::Tiny => "tiny",
+        }
+    }
+}
+
+/// `panotune run`.
+#[derive(Debug, Clone, Args)]
+pub struct RunArgs {
+    /// What to run.
+    #[command(flatten)]
+    pub experiment: ExperimentArgs,
+    /// Begin a new run even if there is one, and make every artefact anew.
+    #[arg(long)]
+    pub fresh: bool,
+}
+
+/// `panotune check`.
+#[derive(Debug, Clone, Args)]
+pub struct CheckArgs {
+    /// Experiment files.
+    #[arg(required = true)]
+    pub files: Vec<PathBuf>,
+    /// Scale that overrides the files' values.
+    #[arg(long, value_enum)]
+    pub profile: Option<ProfileArg>,
+    /// Override one value.
+    #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
+    pub sets: Vec<String>,
+}
+
+/// `panotune config`.
+#[derive(Debug, Clone, Args)]
+pub struct ConfigArgs {
+    /// What to show.
+    #[command(subcommand)]
+    pub command: ConfigCommand,
+}
+
+/// `panotune config …`.
+#[derive(Debug, Clone, Subcommand)]
+pub enum ConfigCommand {
+    /// Every resolved value of an experiment.
+    Show {
+        /// Which experiment.
+        #[command(flatten)]
+        experiment: ExperimentArgs,
+        /// With the file and line that each value came from.
+        #[arg(long)]
+        origin: bool,
+    },
+    /// The JSON Schema of experiment files, for editors.
+    Schema,
+}
+
+/// `panotune weights`.
+#[derive(Debug, Clone, Args)]
+pub struct WeightsArgs {
+    /// What to do with weights.
+    #[command(subcommand)]
+    pub command: WeightsCommand,
+}
+
+/// `panotune weights …`.
+#[derive(Debug, Clone, Subcommand)]
+pub enum WeightsCommand {
+    /// Check a weights file against its description and install it in the cache folder.
+    Add {
+        /// The file.
+        file: PathBuf,
+        /// Name of the description in `configs/weights/`.
+        #[arg(long = "as", value_name = "NAME")]
+        name: String,
+    },
+    /// List the descriptions, and which of them are installed.
+    List,
+}

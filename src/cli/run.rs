@@ -1,0 +1,28 @@
+//! `panotune run`
+
+use super::args::{Global, RunArgs};
+use super::{Failure, listener, load, options};
+use crate::config::Loaded;
+use crate::study;
+
+pub(super) fn run(global: &Global, args: &RunArgs) -> Result<(), Failure> {
+    let loaded = load(&args.experiment)?;
+    let options = options(global, args.fresh);
+    let progress = listener(global);
+    let finished = match &loaded {
+        Loaded::Experiment(experiment) => study::run(experiment, &options, progress.as_ref())?,
+        Loaded::Suite(suite) => study::run_suite(suite, &options, progress.as_ref())?,
+    };
+    if global.json {
+        println!("{}", serde_json::json!({"event": "finished", "run": finished.folder}));
+        return Ok(());
+    }
+    if !global.quiet {
+        if finished.already {
+            eprintln!("finished before; `--fresh` makes it anew");
+        }
+        print!("{}", study::summary(&finished.folder)?);
+    }
+    println!("{}", finished.folder.display());
+    Ok(())
+}

@@ -1,0 +1,16 @@
+//! `panotune weights`
+
+use super::args::{Global, WeightsArgs, WeightsCommand};
+use super::{Failure, options};
+use crate::study;
+
+pub(super) fn weights(global: &Global, args: &WeightsArgs) -> Result<(), Failure> {
+    let options = options(global, false);
+    match &args.command {
+        WeightsCommand::Add { file, name } => {
+            println!("{}", study::install_weights(file, name, &options)?.display());
+        }
+        WeightsCommand::List => print!("{}", study::list_weights(&options)),
+    }
+    Ok(())
+}

@@ -1,0 +1,148 @@
+//! Run folders: `<results>/<name>/s<seed>-<hash>-<n>/`, one for each execution.
+
+use std::fs::File;
+use std::path::{Path, PathBuf};
+
+use super::file::{create_dir, write};
+use super::{Error, Hash, hash_file};
+
+/// Written last: a run with it is finished.
+pub const SUMS: &str = "SHA256SUMS";
+
+/// A run's folder, locked against other processes as long as the value lives.
+#[derive(Debug)]
+pub struct RunFolder {
+    path: PathBuf,
+    _lock: File,
+}
+
+/// What stands under a run's name.
+#[derive(Debug)]
+pub enum Opened {
+    /// A run to begin or to go on with.
+    Unfinished(RunFolder),
+    /// A finished run.
+    Finished(PathBuf),
+    /// A run that another process is working on.
+    Busy(PathBuf),
+}
+
+impl RunFolder {
+    /// The newest run of (`name`, `seed`, `hash`) under `results`, or a new one if there is none or
+    /// `fresh` is asked for.
+    pub fn open(results: &Path, name: &str, seed: u64, hash: &Hash, fresh: bool) -> Result<Opened, Error> {
+        let prefix = prefix(seed, hash);
+        let parent = results.join(name);
+        let number = match newest(&parent, &prefix)? {
+            Some(n) if !fresh => n,
+            Some(n) => n + 1,
+            None => 1,
+        };
+        let path = parent.join(format!("{prefix}{number}"));
+        if path.join(SUMS).is_file() {
+            return Ok(Opened::Finished(path));
+        }
+        create_dir(&path)?;
+        let lock_path = path.join(".lock");
+        let options = File::options().create(true).append(true).open(&lock_path);
+        let lock = options.map_err(|e| Error::io("create", &lock_path, e))?;
+        match lock.try_lock() {
+            Ok(()) => Ok(Opened::Unfinished(Self { path, _lock: lock })),
+            Err(std::fs::TryLockError::WouldBlock) => Ok(Opened::Busy(path)),
+            Err(std::fs::TryLockError::Error(e)) => Err(Error::io("lock", &lock_path, e)),
+        }
+    }
+
+    /// The folder of the newest run of (`name`, `seed`, `hash`), if there is one; nothing is made.
+    pub fn find(results: &Path, name: &str, seed: u64, hash: &Hash) -> Result<Option<PathBuf>, Error> {
+        let prefix = prefix(seed, hash);
+        let parent = results.join(name);
+        Ok(newest(&parent, &prefix)?.map(|n| parent.join(format!("{prefix}{n}"))))
+    }
+
+    /// The folder.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The file or folder `name` in it.
+    pub fn join(&self, name: &str) -> PathBuf {
+        self.path.join(name)
+    }
+
+    /// Lists the checksums of everything in the `parts` (files or folders of the run) in
+    /// `SHA256SUMS`, which marks the run as finished.
+    pub fn finish(self, parts: &[&str]) -> Result<PathBuf, Error> {
+        let mut files = Vec::new();
+        for part in parts {
+            collect(&self.path, Path::new(part), &mut files)?;
+        }
+        files.sort();
+        let mut sums = String::new();
+        for file in files {
+            let name = file.to_string_lossy().replace('\\', "/");
+            sums.push_str(&format!("{}  {name}\n", hash_file(&self.path.join(&file))?));
+        }
+        write(&self.path.join(SUMS), sums.as_bytes())?;
+        Ok(self.path)
+    }
+}
+
+fn prefix(seed: u64, hash: &Hash) -> String {
+    format!("s{seed}-{}-", hash.short(8))
+}
+
+fn newest(parent: &Path, prefix: &str) -> Result<Option<u32>, Error> {
+    let entries = match std::fs::read_dir(parent) {
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+        other => other.map_err(|e| Error::io("read", parent, e))?,
+    };
+    let mut newest = None;
+    for entry in entries {
+        let name = entry.map_err(|e| Error::io("read", parent, e))?.file_name();
+        let number = name.to_string_lossy().strip_prefix(prefix).and_then(|n| n.parse().ok());
+        newest = newest.max(number);
+    }
+    Ok(newest)
+}
+
+/// Files below `part`, relative to `root`; a part that does not exist has none.
+fn collect(root: &Path, part: &Path, files: &mut Vec<PathBuf>) -> Result<(), Error> {
+    let path = root.join(part);
+    if path.is_file() {
+        files.push(part.to_owned());
+    } else if path.is_dir() {
+        for entry in std::fs::read_dir(&path).map_err(|e| Error::io("read", &path, e))? {
+            let entry = entry.map_err(|e| Error::io("read", &path, e))?;
+            collect(root, &part.join(entry.file_name()), files)?;
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::hash_bytes;
+
+    fn open(results: &Path, fresh: bool) -> Opened {
+        RunFolder::open(results, "study", 7, &hash_bytes(b"spec"), fresh).unwrap()
+    }
+
+    #[test]
+    fn an_unfinished_run_is_gone_on_with_a_finished_one_is_not_begun_again() {
+        let results = tempfile::tempdir().unwrap();
+        let Opened::Unfinished(run) = open(results.path(), false) else { panic!() };
+        assert!(matches!(open(results.path(), false), Opened::Busy(_)));
+        drop(run);
+        let Opened::Unfinished(run) = open(results.path(), false) else { panic!() };
+        write(&run.join("tables/a.md"), b"abc").unwrap();
+        let first = run.finish(&["tables", "absent"]).unwrap();
+        assert!(first.file_name().unwrap().to_string_lossy().starts_with("s7-"));
+        let sums = std::fs::read_to_string(first.join(SUMS)).unwrap();
+        assert!(sums.ends_with("f20015ad  tables/a.md\n"), "{sums}");
+        assert!(matches!(open(results.path(), false), Opened::Finished(p) if p == first));
+        let Opened::Unfinished(second) = open(results.path(), true) else { panic!() };
+        assert_ne!(second.path(), first);
+    }
+}

@@ -1,0 +1,95 @@
+//! Why a run did not come to its end.
+
+use std::path::PathBuf;
+
+use crate::error::{Class, Classify};
+
+/// An error of one of the stages, or of their composition.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// Another process works on this run.
+    #[error("another process is working on `{}`\nhint: wait for it, or begin a second run with `--fresh`", folder.display())]
+    Busy {
+        /// The run's folder.
+        folder: PathBuf,
+    },
+    /// No trial has a value, so there is nothing to refit.
+    #[error("none of the {trials} trials came to a value: {reason}\nhint: look at `trials/*/params.json`; a smaller learning rate may help")]
+    NoTrial {
+        /// Number of trials.
+        trials: u32,
+        /// Why the first of them failed.
+        reason: String,
+    },
+    /// A result in the run's folder is not what was written.
+    #[error("`{}` is damaged: {reason}\nhint: remove it to have it made anew", path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// How that was seen.
+        reason: String,
+    },
+    /// A worker thread ended without a result; a bug.
+    #[error("a worker thread ended without a result")]
+    Worker,
+    /// The user stopped the run.
+    #[error("interrupted; the same command goes on")]
+    Interrupted,
+    /// Configuration of a suite's member.
+    #[error("{0}")]
+    Config(Box<crate::config::ConfigErrors>),
+    /// Disk.
+    #[error(transparent)]
+    Store(#[from] crate::store::Error),
+    /// Panoramas.
+    #[error(transparent)]
+    Panorama(#[from] crate::panorama::Error),
+    /// Views.
+    #[error(transparent)]
+    Dataset(#[from] crate::dataset::Error),
+    /// Backbone and weights.
+    #[error(transparent)]
+    Backbone(#[from] crate::backbone::Error),
+    /// Features.
+    #[error(transparent)]
+    Features(#[from] crate::features::Error),
+    /// Training.
+    #[error(transparent)]
+    Train(#[from] crate::train::Error),
+    /// Search.
+    #[error(transparent)]
+    Search(#[from] crate::search::Error),
+    /// Evaluation.
+    #[error(transparent)]
+    Evaluate(#[from] crate::evaluate::Error),
+    /// Tables.
+    #[error(transparent)]
+    Tables(#[from] crate::tables::Error),
+    /// Figures.
+    #[error(transparent)]
+    Figures(#[from] crate::figures::Error),
+    /// Report.
+    #[error(transparent)]
+    Report(#[from] crate::report::Error),
+}
+
+impl Classify for Error {
+    fn class(&self) -> Class {
+        match self {
+            Error::Config(_) => Class::Input,
+            Error::Busy { .. } | Error::NoTrial { .. } | Error::Damaged { .. } | Error::Worker => Class::Run,
+            Error::Interrupted => Class::Interrupted,
+            Error::Store(e) => e.class(),
+            Error::Panorama(e) => e.class(),
+            Error::Dataset(e) => e.class(),
+            Error::Backbone(e) => e.class(),
+            Error::Features(e) => e.class(),
+            Error::Train(e) => e.class(),
+            Error::Search(e) => e.class(),
+            Error::Evaluate(e) => e.class(),
+            Error::Tables(e) => e.class(),
+            Error::Figures(e) => e.class(),
+            Error::Report(e) => e.class(),
+        }
+    }
+}

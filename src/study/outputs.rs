@@ -1,0 +1,69 @@
+//! What people read: tables, figures, report, and how long everything took.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use serde_json::Value;
+
+use super::Error;
+use crate::config::spec::Selection;
+use crate::figures;
+use crate::report::{self, TableView};
+use crate::store::{self, RunFolder, write_json};
+use crate::tables::artefacts::RunArtefacts;
+use crate::tables::{self, Table};
+
+/// Writes `tables/`, `figures/` and `report.html` from the run's artefacts.
+pub(super) fn write(folder: &RunFolder) -> Result<(), Error> {
+    let run = RunArtefacts::read(folder.path())?;
+    let shown = match run.experiment.report.tables {
+        Selection::All => tables::all(&run)?,
+        Selection::None => Vec::new(),
+    };
+    tables::write(&folder.join("tables"), &shown)?;
+    let drawn = match run.experiment.report.figures {
+        Selection::All => figures::draw_all(&run)?,
+        Selection::None => Vec::new(),
+    };
+    figures::write(&folder.join("figures"), &drawn)?;
+    let views: Vec<TableView> = shown.iter().map(view).collect();
+    let page = report::render(&run, &views, &drawn)?;
+    Ok(store::write(&folder.join("report.html"), page.as_bytes())?)
+}
+
+fn view(table: &Table) -> TableView {
+    TableView {
+        title: table.heading(),
+        note: table.note.clone(),
+        columns: table.columns.clone(),
+        rows: table.rows.iter().map(|row| row.iter().map(ToString::to_string).collect()).collect(),
+    }
+}
+
+/// The tables that a run ends with on a terminal.
+///
+/// # Errors
+/// Artefacts that cannot be read.
+pub fn summary(folder: &Path) -> Result<String, Error> {
+    if !folder.join("metrics.json").is_file() {
+        return Ok(String::new());
+    }
+    Ok(tables::terminal(&RunArtefacts::read(folder)?)?)
+}
+
+/// Sums the log's stage times into `measured/durations.json`, over all processes that worked on the run.
+pub(super) fn write_durations(folder: &RunFolder) -> Result<(), Error> {
+    let path = folder.join("events.jsonl");
+    let text = store::read_to_string(&path)?;
+    let mut seconds: BTreeMap<String, f64> = BTreeMap::new();
+    for line in text.lines() {
+        let event: Value = serde_json::from_str(line)
+            .map_err(|e| Error::Damaged { path: path.clone(), reason: e.to_string() })?;
+        if let (Some("stage_finished"), Some(stage), Some(time)) =
+            (event["event"].as_str(), event["stage"].as_str(), event["seconds"].as_f64())
+        {
+            *seconds.entry(stage.to_owned()).or_default() += time;
+        }
+    }
+    Ok(write_json(&folder.join("measured/durations.json"), &seconds)?)
+}

@@ -1,0 +1,128 @@
+//! What a run of an experiment would do now.
+
+use std::path::Path;
+
+use super::describe::thousands;
+use super::stages::{self, DATASET, FEATURES, SPECTRA, Stages};
+use super::{Error, Options, trials};
+use crate::config::LoadedExperiment;
+use crate::config::spec::{Experiment, PanoramaSource};
+use crate::pipeline::plan::{Need, Step};
+use crate::pipeline::rates::Rates;
+use crate::store::{Artefact, Cache, RunFolder};
+
+/// Seconds per unit until a stage has been measured on a machine, from two cores with AVX-512.
+mod default_rate {
+    /// A panorama of 1,024 px.
+    pub const PANORAMAS: f64 = 0.5;
+    /// A view.
+    pub const DATASET: f64 = 0.008;
+    /// A row of features of Inception-V3.
+    pub const FEATURES: f64 = 0.03;
+    /// A view's spectrum.
+    pub const SPECTRA: f64 = 0.002;
+    /// A trial of 150 epochs.
+    pub const STUDY: f64 = 12.0;
+    /// A refit.
+    pub const REFIT: f64 = 12.0;
+    /// Metrics of a run.
+    pub const EVALUATION: f64 = 5.0;
+    /// Tables, figures and page of a run.
+    pub const REPORT: f64 = 10.0;
+}
+
+/// The stages of `experiment`, which of them are done, why the others are to run, and for how long.
+///
+/// # Errors
+/// Input that cannot be read (a folder of panoramas, weights), or the disk's.
+pub fn plan(experiment: &LoadedExperiment, options: &Options) -> Result<Vec<Step>, Error> {
+    let spec = &experiment.spec;
+    let folder = RunFolder::find(&options.results, &spec.name, spec.seed, &experiment.hash())?;
+    let planner = Planner { spec, cache: Cache::new(&options.cache), rates: Rates::read(&options.cache) };
+    let mut steps = planner.artefacts(options)?;
+    steps.extend(planner.run_steps(folder.as_deref()));
+    Ok(steps)
+}
+
+struct Planner<'a> {
+    spec: &'a Experiment,
+    cache: Cache,
+    rates: Rates,
+}
+
+impl Planner<'_> {
+    fn artefacts(&self, options: &Options) -> Result<Vec<Step>, Error> {
+        let (key, panoramas) = stages::panoramas_key(self.spec)?;
+        let views = panoramas * f64::from(self.spec.dataset.views_per_panorama);
+        let rows = views * (1.0 + self.spec.split.train * f64::from(self.spec.augment.copies - 1));
+        let catalogue = self.cache.open("panoramas", &key)?;
+        let dataset = match &catalogue {
+            Some(c) => self.cache.open("dataset", &c.derive_key(DATASET, &stages::dataset_key_parts(self.spec))?)?,
+            None => None,
+        };
+        let source = match self.spec.dataset.panoramas.source {
+            PanoramaSource::Procedural => "scenes",
+            PanoramaSource::Directory => "images",
+        };
+        let count = |n: f64, what: &str| format!("{} {what}", thousands(n.round() as u64));
+        let mut steps = vec![
+            self.step("panoramas", count(panoramas, source), catalogue.is_some(), None, (panoramas, default_rate::PANORAMAS)),
+            self.step("dataset", count(views, "views"), dataset.is_some(), catalogue.as_ref().map(|_| "panoramas"), (views, default_rate::DATASET)),
+        ];
+        let (features, spectra) = match &dataset {
+            Some(d) => (self.has_features(d, options)?, self.has_spectra(d)?),
+            None => (false, false),
+        };
+        let above = dataset.as_ref().map(|_| "dataset");
+        steps.push(self.step("features", count(rows, "rows"), features, above, (rows, default_rate::FEATURES)));
+        steps.push(self.step("spectra", count(views, "views"), spectra, above, (views, default_rate::SPECTRA)));
+        Ok(steps)
+    }
+
+    fn has_features(&self, dataset: &Artefact, options: &Options) -> Result<bool, Error> {
+        let backbone = Stages::load_backbone(self.spec, options)?;
+        let parts = stages::features_key_parts(self.spec, &backbone);
+        Ok(self.cache.contains("features", &dataset.derive_key(FEATURES, &parts)?))
+    }
+
+    fn has_spectra(&self, dataset: &Artefact) -> Result<bool, Error> {
+        Ok(self.cache.contains("spectra", &dataset.derive_key(SPECTRA, &self.spec.evaluation.spectrum_bins)?))
+    }
+
+    /// `done_above`: the stage before, if its result is there; it is then this stage's own settings that are new.
+    fn step(&self, stage: &str, what: String, cached: bool, done_above: Option<&str>, (units, rate): (f64, f64)) -> Step {
+        if cached {
+            return Step { stage: stage.to_owned(), what, need: Need::Cached, seconds: 0.0, measured: true };
+        }
+        let why = match (stage, done_above) {
+            ("panoramas", _) => "not made yet with this source and seed".to_owned(),
+            (_, Some(above)) => format!("not made yet from this {above} with these settings"),
+            (_, None) => "what it reads is to be made".to_owned(),
+        };
+        let (seconds, measured) = self.rates.estimate(stage, units, rate);
+        Step { stage: stage.to_owned(), what, need: Need::Run { why }, seconds, measured }
+    }
+
+    fn run_steps(&self, folder: Option<&Path>) -> Vec<Step> {
+        let finished = folder.is_some_and(|f| f.join(crate::store::SUMS).is_file());
+        let (trials, refits) = (self.spec.search.trials, 2 * self.spec.evaluation.refit_seeds);
+        let done = folder.map_or(0, |f| trials::finished(f, trials));
+        let step = |stage: &str, what: String, done: bool, why: &str, units: f64, rate: f64| {
+            let (seconds, measured) = self.rates.estimate(stage, units, rate);
+            match done {
+                true => Step { stage: stage.to_owned(), what, need: Need::Cached, seconds: 0.0, measured: true },
+                false => {
+                    Step { stage: stage.to_owned(), what, need: Need::Run { why: why.to_owned() }, seconds, measured }
+                }
+            }
+        };
+        let left = trials - done;
+        let why = if done > 0 { format!("{done} of {trials} are done") } else { "no trial is done".to_owned() };
+        vec![
+            step("study", format!("{trials} trials"), left == 0, &why, left.into(), default_rate::STUDY),
+            step("refit", format!("{refits} networks"), finished, "the run is not finished", refits.into(), default_rate::REFIT),
+            step("evaluation", "metrics, controls".into(), finished, "the run is not finished", 1.0, default_rate::EVALUATION),
+            step("report", "tables, figures, page".into(), finished, "the run is not finished", 1.0, default_rate::REPORT),
+        ]
+    }
+}

@@ -1,0 +1,253 @@
+//! The stages whose results runs share: panoramas, dataset, features, spectra.
+
+use std::sync::Mutex;
+use std::time::Instant;
+
+use rayon::prelude::*;
+use serde::Serialize;
+use serde_json::json;
+
+use super::{Error, Options};
+use crate::backbone::{self, Backbone, WeightsSource};
+use crate::config::spec::{Experiment, PanoramaSource};
+use crate::dataset::{self, Dataset, Subset, View};
+use crate::features::{self, FeatureRow, FeatureSet};
+use crate::network::Coding;
+use crate::panorama::{self, Catalogue};
+use crate::pipeline::events::Events;
+use crate::pipeline::progress::Progress;
+use crate::pipeline::rates::Rates;
+use crate::rng;
+use crate::store::{self, Artefact, ArtefactWriter, Cache, Hash, hash_json, write_json};
+use crate::train::TrainingData;
+
+/// Versions of the stages: raised whenever the same input gives another result.
+pub(super) const PANORAMAS: u32 = 1;
+pub(super) const DATASET: u32 = 1;
+pub(super) const FEATURES: u32 = 1;
+pub(super) const SPECTRA: u32 = 1;
+
+/// Training views on which the batch norm of random backbones is calibrated.
+const CALIBRATION_VIEWS: usize = 32;
+const SPECTRA_FILE: &str = "spectra.json";
+
+/// A stage's result, and the artefact that holds it.
+pub(super) struct Made<T> {
+    pub artefact: Artefact,
+    pub value: T,
+}
+
+/// Executes stages, or finds them done; tells the log and the listener.
+pub(super) struct Stages<'a> {
+    spec: &'a Experiment,
+    options: &'a Options,
+    cache: Cache,
+    events: &'a Events,
+    rates: Mutex<Rates>,
+    pub progress: &'a dyn Progress,
+}
+
+impl<'a> Stages<'a> {
+    pub(super) fn new(
+        spec: &'a Experiment,
+        options: &'a Options,
+        events: &'a Events,
+        progress: &'a dyn Progress,
+    ) -> Self {
+        let rates = Mutex::new(Rates::read(&options.cache));
+        Self { spec, options, cache: Cache::new(&options.cache), events, rates, progress }
+    }
+
+    /// Executes `work`, tells the log how long it took, and remembers it for estimates.
+    pub(super) fn timed<T>(
+        &self,
+        stage: &str,
+        units: f64,
+        work: impl FnOnce() -> Result<T, Error>,
+    ) -> Result<T, Error> {
+        self.events.tell("stage_started", &json!({ "stage": stage }))?;
+        let begun = Instant::now();
+        let result = work()?;
+        let seconds = begun.elapsed().as_secs_f64();
+        self.events.tell("stage_finished", &json!({ "stage": stage, "seconds": seconds, "units": units }))?;
+        let mut rates = self.rates.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        rates.note(stage, units, seconds)?;
+        Ok(result)
+    }
+
+    fn artefact(
+        &self,
+        (stage, version): (&str, u32),
+        key: &Hash,
+        units: f64,
+        make: impl FnOnce(&ArtefactWriter) -> Result<(), Error>,
+    ) -> Result<Artefact, Error> {
+        if self.options.fresh {
+            self.cache.remove(stage, key)?;
+        }
+        let cached = self.cache.contains(stage, key);
+        let open_or_make = || self.cache.open_or_make(stage, key, make);
+        let artefact = if cached { open_or_make()? } else { self.timed(stage, units, open_or_make)? };
+        let fields = json!({ "stage": stage, "version": version, "key": key, "hash": artefact.hash(), "cached": cached });
+        self.events.tell("stage_artefact", &fields)?;
+        Ok(artefact)
+    }
+
+    /// Generated scenes or images of a folder.
+    pub(super) fn panoramas(&self) -> Result<Made<Catalogue>, Error> {
+        let spec = &self.spec.dataset.panoramas;
+        let (key, units) = panoramas_key(self.spec)?;
+        let artefact = self.artefact(("panoramas", PANORAMAS), &key, units, |writer| match spec.source {
+            PanoramaSource::Procedural => {
+                Ok(panorama::write_procedural(writer, spec, self.spec.seed, self.progress)?)
+            }
+            PanoramaSource::Directory => {
+                let files = panorama::scan(spec)?;
+                let by = self.spec.split.by;
+                Ok(panorama::write_directory(writer, &files, spec.on_bad_file, by, self.progress)?)
+            }
+        })?;
+        let value = Catalogue::open(&artefact)?;
+        Ok(Made { artefact, value })
+    }
+
+    /// Rendered views with labels and subsets.
+    pub(super) fn dataset(&self, catalogue: &Made<Catalogue>) -> Result<Made<Dataset>, Error> {
+        let panoramas = catalogue.value.panoramas();
+        let subsets = dataset::split(panoramas, &self.spec.split, self.spec.seed)?;
+        let views = dataset::plan_views(&self.spec.dataset, &subsets, panoramas, self.spec.seed)?;
+        let key = catalogue.artefact.derive_key(DATASET, &dataset_key_parts(self.spec))?;
+        let artefact = self.artefact(("dataset", DATASET), &key, views.len() as f64, |writer| {
+            let pixels = |id: &str| {
+                catalogue.value.pixels(id).ok_or_else(|| dataset::Error::UnknownPanorama { id: id.to_owned() })
+            };
+            Ok(dataset::write(writer, &views, &self.spec.dataset, &pixels, self.progress)?)
+        })?;
+        let value = Dataset::open(&artefact)?;
+        dataset::check_no_leak(value.views(), panoramas)?;
+        Ok(Made { artefact, value })
+    }
+
+    /// Outputs of the frozen backbone for each copy of each view.
+    pub(super) fn features(&self, dataset: &Made<Dataset>) -> Result<Made<FeatureSet>, Error> {
+        let mut backbone = Self::load_backbone(self.spec, self.options)?;
+        let key = dataset.artefact.derive_key(FEATURES, &features_key_parts(self.spec, &backbone))?;
+        let rows = feature_rows(dataset.value.views(), self.spec.augment.copies);
+        let artefact = self.artefact(("features", FEATURES), &key, rows.len() as f64, |writer| {
+            if backbone.needs_calibration() {
+                backbone.calibrate(&self.calibration_images(&dataset.value))?;
+            }
+            let image = |row: FeatureRow| self.network_input(&dataset.value, row);
+            Ok(features::write(writer, &backbone, &rows, &image, self.progress)?)
+        })?;
+        let value = FeatureSet::open(&artefact)?;
+        Ok(Made { artefact, value })
+    }
+
+    /// The backbone of the experiment, its weights checked against their description.
+    pub(super) fn load_backbone(spec: &Experiment, options: &Options) -> Result<Backbone, Error> {
+        Ok(Backbone::load(&spec.backbone, weights_source(spec, &options.weights)?)?)
+    }
+
+    fn network_input(&self, dataset: &Dataset, row: FeatureRow) -> Vec<u8> {
+        let side = dataset.image_px();
+        let plain = dataset.pixels(row.view);
+        let changed = dataset::augmented(plain, side, &self.spec.augment, self.spec.seed, row.view, row.copy);
+        dataset::resample(&changed, side, self.spec.backbone.input_px)
+    }
+
+    /// The same number of plain training views, spread over the subset, whatever its size.
+    fn calibration_images(&self, dataset: &Dataset) -> Vec<Vec<u8>> {
+        let mut train: Vec<u32> =
+            dataset.views().iter().filter(|v| v.subset == Subset::Train).map(|v| v.index).collect();
+        rng::stream(self.spec.seed, "backbone", &[], "calibration views").shuffle(&mut train);
+        train.truncate(CALIBRATION_VIEWS);
+        train.into_iter().map(|view| self.network_input(dataset, FeatureRow { view, copy: 0 })).collect()
+    }
+
+    /// Radial log power of every view, for the spectrum control.
+    pub(super) fn spectra(&self, dataset: &Made<Dataset>) -> Result<Made<Vec<Vec<f64>>>, Error> {
+        let bins = self.spec.evaluation.spectrum_bins;
+        let key = dataset.artefact.derive_key(SPECTRA, &bins)?;
+        let views = dataset.value.views();
+        let artefact = self.artefact(("spectra", SPECTRA), &key, views.len() as f64, |writer| {
+            self.progress.begin("spectra", views.len() as u64);
+            let side = dataset.value.image_px();
+            let spectra: Result<Vec<Vec<f64>>, Error> = views
+                .par_iter()
+                .map(|view| {
+                    if self.progress.interrupted() {
+                        return Err(Error::Interrupted);
+                    }
+                    self.progress.advance(1);
+                    Ok(dataset::radial_log_power(dataset.value.pixels(view.index), side, bins as usize))
+                })
+                .collect();
+            self.progress.end();
+            Ok(write_json(&writer.path(SPECTRA_FILE), &spectra?)?)
+        })?;
+        let path = artefact.path(SPECTRA_FILE);
+        let bytes = store::read(&path)?;
+        let value = serde_json::from_slice(&bytes).map_err(|e| Error::Damaged { path, reason: e.to_string() })?;
+        Ok(Made { artefact, value })
+    }
+}
+
+/// Key of the panoramas, and how many there will be.
+pub(super) fn panoramas_key(spec: &Experiment) -> Result<(Hash, f64), Error> {
+    let panoramas = &spec.dataset.panoramas;
+    match panoramas.source {
+        PanoramaSource::Procedural => {
+            let parts = json!({ "version": PANORAMAS, "scenes": panoramas.scenes, "width": panoramas.width,
+                "mix": panoramas.mix, "seed": spec.seed });
+            Ok((key(&parts)?, panoramas.scenes.into()))
+        }
+        PanoramaSource::Directory => {
+            let files = panorama::scan(panoramas)?;
+            let parts = json!({ "version": PANORAMAS, "files": files, "policy": panoramas.on_bad_file,
+                "by": spec.split.by });
+            Ok((key(&parts)?, files.len() as f64))
+        }
+    }
+}
+
+/// What the dataset depends on beside the panoramas' pixels.
+pub(super) fn dataset_key_parts(spec: &Experiment) -> impl Serialize {
+    let d = &spec.dataset;
+    json!({ "views": d.views_per_panorama, "px": d.image_px, "resolution": d.resolution, "focal": d.focal_px,
+        "distortion": d.distortion, "pose": d.pose, "split": spec.split, "seed": spec.seed })
+}
+
+/// What the features depend on beside the views' pixels.
+pub(super) fn features_key_parts(spec: &Experiment, backbone: &Backbone) -> impl Serialize {
+    json!({ "backbone": spec.backbone, "weights": backbone.weights_hash(), "augment": spec.augment, "seed": spec.seed })
+}
+
+fn key(parts: &serde_json::Value) -> Result<Hash, Error> {
+    let path = std::path::PathBuf::from("key");
+    Ok(hash_json(parts).map_err(|source| store::Error::Serialise { path, source })?)
+}
+
+fn weights_source(spec: &Experiment, folders: &[std::path::PathBuf]) -> Result<WeightsSource, Error> {
+    match spec.backbone.weights.as_str() {
+        "seeded" => Ok(WeightsSource::Seeded { seed: spec.seed }),
+        name => {
+            let (path, description) = backbone::find_weights(name, folders)?;
+            Ok(WeightsSource::File { path, description })
+        }
+    }
+}
+
+/// Plain rows of all views, then the changed copies of training views.
+pub(super) fn feature_rows(views: &[View], copies: u32) -> Vec<FeatureRow> {
+    let plain = views.iter().map(|v| FeatureRow { view: v.index, copy: 0 });
+    let train = views.iter().filter(|v| v.subset == Subset::Train);
+    let changed = train.flat_map(|v| (1..copies).map(|copy| FeatureRow { view: v.index, copy }));
+    plain.chain(changed).collect()
+}
+
+/// Standardised features with labels, shared by all trials and refits.
+pub(super) fn training_data(spec: &Experiment, features: &FeatureSet, views: &[View]) -> Result<TrainingData, Error> {
+    let coding = Coding::new(spec.network.labels, &spec.dataset.focal_px, &spec.dataset.distortion);
+    Ok(TrainingData::new(features.all(), features.dim(), features.rows(), views, coding)?)
+}

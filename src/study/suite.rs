@@ -1,0 +1,39 @@
+//! Suites: several experiments, run one after the other, with common tables.
+
+use std::path::PathBuf;
+
+use super::{Error, Finished, Options, run};
+use crate::config::LoadedSuite;
+use crate::pipeline::progress::Progress;
+use crate::store::{Opened, RunFolder, write_json};
+use crate::tables::artefacts::RunArtefacts;
+use crate::tables;
+
+/// Runs every experiment of `suite`, or finds it finished, and writes Tables 2 and 3 over all of them.
+///
+/// # Errors
+/// Those of the experiments; finished ones stay finished.
+pub fn run_suite(suite: &LoadedSuite, options: &Options, progress: &dyn Progress) -> Result<Finished, Error> {
+    let hash = suite.hash();
+    let seed = suite.members.first().map_or(0, |m| m.spec.seed);
+    let folder = match RunFolder::open(&options.results, &suite.spec.name, seed, &hash, options.fresh)? {
+        Opened::Finished(folder) => return Ok(Finished { folder, already: true }),
+        Opened::Busy(folder) => return Err(Error::Busy { folder }),
+        Opened::Unfinished(folder) => folder,
+    };
+    let mut runs: Vec<PathBuf> = Vec::new();
+    for member in &suite.members {
+        progress.note(&format!("experiment {}", member.spec.name));
+        runs.push(run(member, options, progress)?.folder);
+    }
+    let artefacts = runs.iter().map(|r| RunArtefacts::read(r)).collect::<Result<Vec<_>, _>>()?;
+    tables::write(&folder.join("tables"), &tables::suite(&artefacts)?)?;
+    let names: Vec<String> = runs.iter().map(|r| relative(r, options)).collect();
+    write_json(&folder.join("runs.json"), &names)?;
+    Ok(Finished { folder: folder.finish(&["tables", "runs.json"])?, already: false })
+}
+
+/// A run's folder below the results folder.
+fn relative(run: &std::path::Path, options: &Options) -> String {
+    run.strip_prefix(&options.results).unwrap_or(run).to_string_lossy().replace('\\', "/")
+}
