@@ -85,7 +85,9 @@ pub(super) fn panels(isa: Isa, columns: usize) -> Vec<(usize, usize, usize)> {
     panels
 }
 
+// Loops over M and V have constant bounds and no early end, or the sums would live in memory and not in registers.
 #[inline(always)]
+#[allow(clippy::needless_range_loop)]
 unsafe fn run<S: Simd, const M: usize, const V: usize>(t: &Tile) {
     // SAFETY: the caller vouches for the pointers of the tile and for the instruction set
     unsafe {
@@ -112,21 +114,23 @@ unsafe fn run<S: Simd, const M: usize, const V: usize>(t: &Tile) {
                 at += t.step;
             }
         }
-        finish::<S, M, V>(t, &mut sums);
+        finish::<S, M, V>(t, sums);
     }
 }
 
 #[inline(always)]
+#[allow(clippy::needless_range_loop)]
 unsafe fn start<S: Simd, const M: usize, const V: usize>(t: &Tile) -> [[S; V]; M] {
     // SAFETY: only rows and lanes that the tile calls valid are read
     unsafe {
         let mut sums = [[S::splat(0.0); V]; M];
         if t.resume {
-            for (r, sums) in sums.iter_mut().enumerate().take(t.valid_rows) {
-                let out = t.out.add(r * t.out_stride);
-                for (v, sum) in sums.iter_mut().enumerate() {
-                    let at = out.add(v * S::LANES);
-                    *sum = if v + 1 < V { S::load(at) } else { S::load_first(at, t.last_lanes) };
+            for r in 0..M {
+                if r < t.valid_rows {
+                    for v in 0..V {
+                        let at = t.out.add(r * t.out_stride + v * S::LANES);
+                        sums[r][v] = if v + 1 < V { S::load(at) } else { S::load_first(at, t.last_lanes) };
+                    }
                 }
             }
         }
@@ -135,28 +139,32 @@ unsafe fn start<S: Simd, const M: usize, const V: usize>(t: &Tile) -> [[S; V]; M
 }
 
 #[inline(always)]
-unsafe fn finish<S: Simd, const M: usize, const V: usize>(t: &Tile, sums: &mut [[S; V]; M]) {
+#[allow(clippy::needless_range_loop)]
+unsafe fn finish<S: Simd, const M: usize, const V: usize>(t: &Tile, mut sums: [[S; V]; M]) {
     // SAFETY: only rows and lanes that the tile calls valid are written
     unsafe {
         if !t.bias.is_null() {
             for v in 0..V {
                 let bias = S::load(t.bias.add(v * S::LANES));
-                for sums in sums.iter_mut() {
-                    sums[v] = sums[v].add(bias);
+                for r in 0..M {
+                    sums[r][v] = sums[r][v].add(bias);
                 }
             }
         }
         if let Some((low, high)) = t.clamp {
             let (low, high) = (S::splat(low), S::splat(high));
-            for sum in sums.iter_mut().flatten() {
-                *sum = high.min(low.max(*sum));
+            for r in 0..M {
+                for v in 0..V {
+                    sums[r][v] = high.min(low.max(sums[r][v]));
+                }
             }
         }
-        for (r, sums) in sums.iter().enumerate().take(t.valid_rows) {
-            let out = t.out.add(r * t.out_stride);
-            for (v, sum) in sums.iter().enumerate() {
-                let at = out.add(v * S::LANES);
-                if v + 1 < V || t.last_lanes == S::LANES { sum.store(at) } else { sum.store_first(at, t.last_lanes) }
+        for r in 0..M {
+            if r < t.valid_rows {
+                for v in 0..V {
+                    let at = t.out.add(r * t.out_stride + v * S::LANES);
+                    if v + 1 < V { sums[r][v].store(at) } else { sums[r][v].store_first(at, t.last_lanes) }
+                }
             }
         }
     }
