@@ -1,2 +1,9 @@
 //! Numerical kernels with one result on every machine: each output is one chain of fused
 //! multiply-adds in a fixed order. Machinery: knows no domain word.
+
+mod matmul;
+mod simd;
+mod tile;
+
+pub use matmul::{Mat, matmul, matmul_with};
+pub use simd::{Isa, IsaError, check_isa, isa};

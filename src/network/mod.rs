@@ -1,1 +1,80 @@
 //! Networks on top of features: head, label coding, loss.
+//!
+//! A [`Head`] takes features (standardised with the statistics of the training subset) through fully
+//! connected layers to two outputs, which a [`Coding`] turns into f and ξ. Tensors, variables and the
+//! chain rule are candle's; products and sums run through [`kernel`](crate::kernel), so that a head's
+//! outputs and gradients have the same bits on every machine.
+
+mod coding;
+mod dense;
+mod file;
+mod head;
+mod loss;
+mod standardise;
+
+pub use coding::Coding;
+pub use head::Head;
+pub use loss::{loss_and_gradient, mean_loss};
+pub use standardise::Standardisation;
+
+pub(crate) use dense::Gradient;
+pub(crate) use loss::LossOp;
+
+use std::path::PathBuf;
+
+use crate::config::spec::NetworkKind;
+use crate::error::{Class, Classify};
+use crate::store;
+
+/// What can go wrong with a network.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// A composition of networks that does not exist on frozen features.
+    #[error("`network.kind: {kind:?}` has no head on frozen features; hint: use `single_net`")]
+    Kind {
+        /// The kind asked for.
+        kind: NetworkKind,
+    },
+    /// Feature values that are not whole rows.
+    #[error("{values} feature values are not rows of {dim}, the number of this network's inputs")]
+    Features {
+        /// Number of values given.
+        values: usize,
+        /// Values of a row.
+        dim: usize,
+    },
+    /// A file that is no network of this program.
+    #[error("`{}` is not a network written by this program: {reason}", path.display())]
+    File {
+        /// Which file.
+        path: PathBuf,
+        /// Why.
+        reason: String,
+    },
+    /// A network file whose tensor does not fit its description.
+    #[error("`{}` holds tensors that do not fit its description: `{tensor}` {reason}", path.display())]
+    Tensor {
+        /// Which file.
+        path: PathBuf,
+        /// Name of the tensor.
+        tensor: String,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// The disk.
+    #[error(transparent)]
+    Store(#[from] store::Error),
+    /// A tensor operation failed; a bug or lack of memory.
+    #[error("tensor operation failed: {0}")]
+    Candle(#[from] candle_core::Error),
+}
+
+impl Classify for Error {
+    fn class(&self) -> Class {
+        match self {
+            Error::Kind { .. } | Error::File { .. } | Error::Tensor { .. } => Class::Input,
+            Error::Features { .. } | Error::Candle(_) => Class::Run,
+            Error::Store(e) => e.class(),
+        }
+    }
+}

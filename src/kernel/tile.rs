@@ -1,0 +1,198 @@
+//! The one inner loop: a small tile of outputs in registers, each output one chain of fused
+//! multiply-adds.
+//!
+//! Matrix product and convolution are both this loop. The rows of the left factor are named by
+//! pointers, so a convolution needs no copy of its input; the right factor comes packed in panels.
+
+use super::simd::{Isa, Plain, Simd};
+#[cfg(target_arch = "x86_64")]
+use super::simd::{Ymm, Zmm};
+
+/// Widest panel, in vectors.
+pub(super) const MAX_VECTORS: usize = 3;
+
+/// What one call computes: `out[r][j] = finish(start + Σ_t Σ_c rows[t][r][c·step] · panel[t·len + c][j])`,
+/// summed in order of t, then c.
+#[derive(Clone, Copy)]
+pub(super) struct Tile {
+    /// Table of `taps` × tile rows pointers; entries of rows that are not stored must be valid too.
+    pub rows: *const *const f32,
+    /// Number of taps.
+    pub taps: usize,
+    /// Elements that each pointer names.
+    pub len: usize,
+    /// Distance of those elements.
+    pub step: usize,
+    /// Packed right factor: `taps`·`len` rows of (vectors × lanes) floats.
+    pub panel: *const f32,
+    /// First output.
+    pub out: *mut f32,
+    /// Distance of output rows.
+    pub out_stride: usize,
+    /// Rows that are stored.
+    pub valid_rows: usize,
+    /// Lanes of the last vector that are stored, 1 to lanes.
+    pub last_lanes: usize,
+    /// Start from `out` and not from 0.
+    pub resume: bool,
+    /// Added at the end, vectors × lanes floats, or null.
+    pub bias: *const f32,
+    /// Bounds of the result, applied at the end.
+    pub clamp: Option<(f32, f32)>,
+}
+
+/// A compiled tile kernel.
+///
+/// # Safety
+/// The processor has the instruction set, and all pointers are valid for what [`Tile`] says.
+pub(super) type TileFn = unsafe fn(&Tile);
+
+/// Rows of a tile.
+pub(super) fn tile_rows(isa: Isa) -> usize {
+    match isa {
+        Isa::Avx512 => 8,
+        Isa::Avx2 | Isa::Portable => 4,
+    }
+}
+
+/// The kernel for panels of `vectors` vectors, 1 to [`MAX_VECTORS`].
+pub(super) fn tile_fn(isa: Isa, vectors: usize) -> TileFn {
+    let kernels: [TileFn; MAX_VECTORS] = match isa {
+        #[cfg(target_arch = "x86_64")]
+        Isa::Avx512 => [zmm_1, zmm_2, zmm_3],
+        #[cfg(target_arch = "x86_64")]
+        Isa::Avx2 => [ymm_1, ymm_2, ymm_3],
+        _ => [plain_1, plain_2, plain_3],
+    };
+    kernels[vectors - 1]
+}
+
+/// Cuts `columns` into panels: (first column, columns, vectors), all as wide as possible and none
+/// narrower than it must be.
+pub(super) fn panels(isa: Isa, columns: usize) -> Vec<(usize, usize, usize)> {
+    let lanes = isa.lanes();
+    let mut left = columns.div_ceil(lanes);
+    let mut first = 0;
+    let mut panels = Vec::new();
+    while left > 0 {
+        // four vectors are 2 + 2, not 3 + 1: one vector alone does not hide the latency of its chain
+        let vectors = if left == 4 { 2 } else { left.min(MAX_VECTORS) };
+        let width = (vectors * lanes).min(columns - first);
+        panels.push((first, width, vectors));
+        first += width;
+        left -= vectors;
+    }
+    panels
+}
+
+// Loops over M and V have constant bounds and no early end, or the sums would live in memory and not in registers.
+#[inline(always)]
+#[allow(clippy::needless_range_loop)]
+unsafe fn run<S: Simd, const M: usize, const V: usize>(t: &Tile) {
+    // SAFETY: the caller vouches for the pointers of the tile and for the instruction set
+    unsafe {
+        let mut sums = start::<S, M, V>(t);
+        let mut panel = t.panel;
+        for tap in 0..t.taps {
+            let mut rows = [std::ptr::null::<f32>(); M];
+            for (r, row) in rows.iter_mut().enumerate() {
+                *row = *t.rows.add(tap * M + r);
+            }
+            let mut at = 0;
+            for _ in 0..t.len {
+                let mut b = [S::splat(0.0); V];
+                for (v, b) in b.iter_mut().enumerate() {
+                    *b = S::load(panel.add(v * S::LANES));
+                }
+                for r in 0..M {
+                    let a = S::splat(*rows[r].add(at));
+                    for v in 0..V {
+                        sums[r][v] = a.fma(b[v], sums[r][v]);
+                    }
+                }
+                panel = panel.add(V * S::LANES);
+                at += t.step;
+            }
+        }
+        finish::<S, M, V>(t, sums);
+    }
+}
+
+#[inline(always)]
+#[allow(clippy::needless_range_loop)]
+unsafe fn start<S: Simd, const M: usize, const V: usize>(t: &Tile) -> [[S; V]; M] {
+    // SAFETY: only rows and lanes that the tile calls valid are read
+    unsafe {
+        let mut sums = [[S::splat(0.0); V]; M];
+        if t.resume {
+            for r in 0..M {
+                if r < t.valid_rows {
+                    for v in 0..V {
+                        let at = t.out.add(r * t.out_stride + v * S::LANES);
+                        sums[r][v] = if v + 1 < V { S::load(at) } else { S::load_first(at, t.last_lanes) };
+                    }
+                }
+            }
+        }
+        sums
+    }
+}
+
+#[inline(always)]
+#[allow(clippy::needless_range_loop)]
+unsafe fn finish<S: Simd, const M: usize, const V: usize>(t: &Tile, mut sums: [[S; V]; M]) {
+    // SAFETY: only rows and lanes that the tile calls valid are written
+    unsafe {
+        if !t.bias.is_null() {
+            for v in 0..V {
+                let bias = S::load(t.bias.add(v * S::LANES));
+                for r in 0..M {
+                    sums[r][v] = sums[r][v].add(bias);
+                }
+            }
+        }
+        if let Some((low, high)) = t.clamp {
+            let (low, high) = (S::splat(low), S::splat(high));
+            for r in 0..M {
+                for v in 0..V {
+                    sums[r][v] = high.min(low.max(sums[r][v]));
+                }
+            }
+        }
+        for r in 0..M {
+            if r < t.valid_rows {
+                for v in 0..V {
+                    let at = t.out.add(r * t.out_stride + v * S::LANES);
+                    if v + 1 < V { sums[r][v].store(at) } else { sums[r][v].store_first(at, t.last_lanes) }
+                }
+            }
+        }
+    }
+}
+
+macro_rules! kernel {
+    ($name:ident, $simd:ty, $rows:literal, $vectors:literal $(, $features:literal)?) => {
+        $(#[target_feature(enable = $features)])?
+        pub(super) unsafe fn $name(t: &Tile) {
+            // SAFETY: the same conditions
+            unsafe { run::<$simd, $rows, $vectors>(t) }
+        }
+    };
+}
+
+kernel!(plain_1, Plain, 4, 1);
+kernel!(plain_2, Plain, 4, 2);
+kernel!(plain_3, Plain, 4, 3);
+
+#[cfg(target_arch = "x86_64")]
+mod x86 {
+    use super::*;
+    kernel!(zmm_1, Zmm, 8, 1, "avx512f");
+    kernel!(zmm_2, Zmm, 8, 2, "avx512f");
+    kernel!(zmm_3, Zmm, 8, 3, "avx512f");
+    kernel!(ymm_1, Ymm, 4, 1, "avx2,fma");
+    kernel!(ymm_2, Ymm, 4, 2, "avx2,fma");
+    kernel!(ymm_3, Ymm, 4, 3, "avx2,fma");
+}
+#[cfg(target_arch = "x86_64")]
+use x86::*;

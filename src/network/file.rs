@@ -1,0 +1,226 @@
+//! A network's file: safetensors with weights, standardisation and, as metadata, what they mean.
+
+use std::borrow::Cow;
+use std::collections::HashMap;
+use std::path::Path;
+use std::sync::Arc;
+
+use safetensors::{Dtype, SafeTensors, View};
+use serde::{Deserialize, Serialize};
+
+use super::dense::read;
+use super::{Coding, Error, Head, Standardisation};
+use crate::config::spec::NetworkSpec;
+use crate::store;
+
+const FORMAT: u32 = 1;
+const DESCRIPTION: &str = "panotune";
+const MEAN: &str = "features.mean";
+const SD: &str = "features.sd";
+
+/// What the tensors of a file are.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Description {
+    format: u32,
+    inputs: usize,
+    network: NetworkSpec,
+    coding: Coding,
+}
+
+impl Description {
+    /// Number of values in all tensors together.
+    fn values(&self) -> u128 {
+        let units = self.network.layers.iter().map(|l| u128::from(l.units)).chain([2]);
+        let mut inputs = self.inputs as u128;
+        let parameters = units.map(|units| (std::mem::replace(&mut inputs, units) + 1) * units);
+        parameters.sum::<u128>() + 2 * self.inputs as u128
+    }
+}
+
+/// One tensor on its way to a file.
+struct Plain {
+    shape: Vec<usize>,
+    bytes: Vec<u8>,
+}
+
+impl Plain {
+    fn new(shape: Vec<usize>, values: &[f32]) -> Self {
+        Self { shape, bytes: values.iter().flat_map(|v| v.to_le_bytes()).collect() }
+    }
+}
+
+impl View for Plain {
+    fn dtype(&self) -> Dtype {
+        Dtype::F32
+    }
+    fn shape(&self) -> &[usize] {
+        &self.shape
+    }
+    fn data(&self) -> Cow<'_, [u8]> {
+        Cow::Borrowed(&self.bytes)
+    }
+    fn data_len(&self) -> usize {
+        self.bytes.len()
+    }
+}
+
+impl Head {
+    /// Writes the network to `path`: all that [`load`](Self::load) needs; equal networks give equal bytes.
+    ///
+    /// # Errors
+    /// Those of the disk.
+    pub fn save(&self, path: &Path) -> Result<(), Error> {
+        let file = |e: String| Error::File { path: path.to_owned(), reason: e };
+        let description = Description {
+            format: FORMAT,
+            inputs: self.inputs(),
+            network: self.spec.clone(),
+            coding: self.coding.clone(),
+        };
+        let text = serde_json::to_string(&description).map_err(|e| file(e.to_string()))?;
+        // one entry only: the map's order would reach the file
+        let metadata = HashMap::from([(DESCRIPTION.to_owned(), text)]);
+        let bytes = safetensors::serialize(self.tensors()?, Some(metadata)).map_err(|e| file(e.to_string()))?;
+        Ok(store::write(path, &bytes)?)
+    }
+
+    fn tensors(&self) -> Result<Vec<(String, Plain)>, Error> {
+        let dim = vec![self.inputs()];
+        let mut tensors = vec![
+            (MEAN.to_owned(), Plain::new(dim.clone(), self.standardisation.mean())),
+            (SD.to_owned(), Plain::new(dim, self.standardisation.sd())),
+        ];
+        for layer in &self.layers {
+            for (part, variable) in [("weight", &layer.weight), ("bias", &layer.bias)] {
+                let tensor = read(variable, |v| Plain::new(variable.dims().to_vec(), v))?;
+                tensors.push((format!("{}.{part}", layer.name), tensor));
+            }
+        }
+        Ok(tensors)
+    }
+
+    /// Reads a network that [`save`](Self::save) wrote.
+    ///
+    /// # Errors
+    /// [`Error::File`] if it is no such file, [`Error::Tensor`] if a tensor is missing, not wanted or of another
+    /// shape, and those of the disk.
+    pub fn load(path: &Path) -> Result<Self, Error> {
+        let bytes = store::read(path)?;
+        let file = |reason: String| Error::File { path: path.to_owned(), reason };
+        let tensors = SafeTensors::deserialize(&bytes).map_err(|e| file(e.to_string()))?;
+        let description = describe(&bytes).map_err(file)?;
+        let dim = description.inputs;
+        let get = |name: &str, shape: &[usize]| f32_tensor(path, &tensors, name, shape);
+        if description.values() > (bytes.len() / size_of::<f32>()) as u128 {
+            return Err(file("its description asks for more values than it holds".to_owned()));
+        }
+        let standardisation = Standardisation::from_parts(get(MEAN, &[dim])?, get(SD, &[dim])?);
+        let head = Head::new(&description.network, &description.coding, Arc::new(standardisation), 0)?;
+        let mut parameters = Vec::with_capacity(head.parameter_count());
+        let mut known = vec![MEAN.to_owned(), SD.to_owned()];
+        for layer in &head.layers {
+            for (part, variable) in [("weight", &layer.weight), ("bias", &layer.bias)] {
+                known.push(format!("{}.{part}", layer.name));
+                parameters.extend(get(&known[known.len() - 1], variable.dims())?);
+            }
+        }
+        if let Some(extra) = tensors.names().into_iter().filter(|n| !known.iter().any(|k| k == n)).min() {
+            let reason = "belongs to no layer".to_owned();
+            return Err(Error::Tensor { path: path.to_owned(), tensor: extra.to_owned(), reason });
+        }
+        head.set_parameters(&parameters)?;
+        Ok(head)
+    }
+}
+
+fn describe(bytes: &[u8]) -> Result<Description, String> {
+    let (_, header) = SafeTensors::read_metadata(bytes).map_err(|e| e.to_string())?;
+    let text = header.metadata().as_ref().and_then(|m| m.get(DESCRIPTION)).ok_or("it has no description")?;
+    let description: Description = serde_json::from_str(text).map_err(|e| format!("its description: {e}"))?;
+    if description.format != FORMAT {
+        return Err(format!("format {} is not {FORMAT}, the one this program reads", description.format));
+    }
+    Ok(description)
+}
+
+fn f32_tensor(path: &Path, tensors: &SafeTensors, name: &str, shape: &[usize]) -> Result<Vec<f32>, Error> {
+    let wrong = |reason: String| Error::Tensor { path: path.to_owned(), tensor: name.to_owned(), reason };
+    let tensor = tensors.tensor(name).map_err(|_| wrong("is missing".to_owned()))?;
+    if tensor.dtype() != Dtype::F32 || tensor.shape() != shape {
+        return Err(wrong(format!("is {:?} {:?} instead of F32 {shape:?}", tensor.dtype(), tensor.shape())));
+    }
+    Ok(floats(tensor.data()))
+}
+
+fn floats(bytes: &[u8]) -> Vec<f32> {
+    bytes.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::spec::{Activation, LabelCoding, LayerSpec, NetworkKind, SamplingSpec};
+
+    fn head() -> Head {
+        let layer = LayerSpec { units: 3, activation: Activation::Tanh, dropout: 0.25 };
+        let spec = NetworkSpec {
+            kind: NetworkKind::SingleNet,
+            labels: LabelCoding::Decoupled,
+            output: Activation::Linear,
+            layers: vec![layer],
+        };
+        let range = |low, high| SamplingSpec { low, high, step: Some(0.1) };
+        let coding = Coding::new(spec.labels, &range(50.0, 500.0), &range(0.0, 1.2));
+        let rows = [0.5f32, 1.0, 2.5, -1.0];
+        let standardisation = Standardisation::fit(2, rows.chunks_exact(2));
+        Head::new(&spec, &coding, Arc::new(standardisation), 9).unwrap()
+    }
+
+    #[test]
+    fn a_network_comes_back_as_it_went() {
+        let folder = tempfile::tempdir().unwrap();
+        let (first, second) = (folder.path().join("a.safetensors"), folder.path().join("b.safetensors"));
+        let head = head();
+        head.save(&first).unwrap();
+        let loaded = Head::load(&first).unwrap();
+        let features = [0.1f32, -3.0, 2.0, 0.7];
+        assert_eq!(loaded.estimate(&features).unwrap(), head.estimate(&features).unwrap());
+        loaded.save(&second).unwrap();
+        assert_eq!(store::read(&first).unwrap(), store::read(&second).unwrap());
+    }
+
+    #[test]
+    fn what_does_not_fit_is_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.safetensors");
+        let head = head();
+        head.save(&path).unwrap();
+        let bytes = store::read(&path).unwrap();
+        store::write(&path, &bytes[..bytes.len() - 5]).unwrap();
+        assert!(matches!(Head::load(&path), Err(Error::File { .. })));
+
+        let (_, header) = SafeTensors::read_metadata(&bytes).unwrap();
+        let rewrite = |tensors: Vec<(String, Plain)>| {
+            let bytes = safetensors::serialize(tensors, header.metadata().clone()).unwrap();
+            store::write(&path, &bytes).unwrap();
+            match Head::load(&path) {
+                Err(Error::Tensor { tensor, reason, .. }) => format!("{tensor} {reason}"),
+                other => format!("{other:?}"),
+            }
+        };
+        let mut greedy = header.metadata().clone().unwrap();
+        greedy.values_mut().for_each(|text| *text = text.replace("\"units\":3", "\"units\":4000000000"));
+        store::write(&path, &safetensors::serialize(head.tensors().unwrap(), Some(greedy)).unwrap()).unwrap();
+        assert!(Head::load(&path).unwrap_err().to_string().contains("more values than it holds"));
+        let mut tensors = head.tensors().unwrap();
+        tensors.pop();
+        assert_eq!(rewrite(tensors), "output.bias is missing");
+        let mut tensors = head.tensors().unwrap();
+        tensors.push(("layer1.bias".to_owned(), Plain::new(vec![1], &[0.0])));
+        assert_eq!(rewrite(tensors), "layer1.bias belongs to no layer");
+        let mut tensors = head.tensors().unwrap();
+        tensors[3].1 = Plain::new(vec![1, 3], &[0.0; 3]);
+        assert_eq!(rewrite(tensors), "layer0.bias is F32 [1, 3] instead of F32 [3]");
+    }
+}

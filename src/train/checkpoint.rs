@@ -1,0 +1,174 @@
+//! The whole state of a training in one file, from which it goes on to the same bits.
+//!
+//! Layout: length of the header (u64), header (JSON), values (f32: parameters, best parameters, the
+//! optimiser's two moments), and the SHA-256 of all that in hexadecimal. Numbers are little-endian.
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use super::EpochRecord;
+use crate::store::{self, Hash, hash_bytes};
+
+const FORMAT: u32 = 1;
+const HASH_LEN: usize = 64;
+const LENGTH_LEN: usize = 8;
+
+/// Where a training stands.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub(super) struct Position {
+    /// The epoch under way.
+    pub epoch: u32,
+    /// Its next step.
+    pub step: u32,
+    /// Sum of the training loss over the rows of its steps so far.
+    pub loss_sum: f64,
+}
+
+/// Everything that a training changes.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Snapshot {
+    pub position: Position,
+    pub curve: Vec<EpochRecord>,
+    /// Steps that the optimiser has taken.
+    pub steps: u64,
+    pub parameters: Vec<f32>,
+    /// Parameters of the best epoch; empty before the first is done.
+    pub best: Vec<f32>,
+    pub first: Vec<f32>,
+    pub second: Vec<f32>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Header {
+    format: u32,
+    job: Hash,
+    position: Position,
+    curve: Vec<EpochRecord>,
+    steps: u64,
+    lengths: [usize; 4],
+}
+
+fn path(folder: &Path) -> PathBuf {
+    folder.join("state.bin")
+}
+
+impl Snapshot {
+    /// Writes the state of the training `job` into `folder`.
+    pub fn save(&self, folder: &Path, job: &Hash) -> Result<(), store::Error> {
+        let path = path(folder);
+        let parts = [&self.parameters, &self.best, &self.first, &self.second];
+        let header = Header {
+            format: FORMAT,
+            job: job.clone(),
+            position: self.position,
+            curve: self.curve.clone(),
+            steps: self.steps,
+            lengths: parts.map(Vec::len),
+        };
+        let header =
+            serde_json::to_vec(&header).map_err(|source| store::Error::Serialise { path: path.clone(), source })?;
+        let mut bytes = (header.len() as u64).to_le_bytes().to_vec();
+        bytes.extend(header);
+        for part in parts {
+            bytes.extend(part.iter().flat_map(|v| v.to_le_bytes()));
+        }
+        let hash = hash_bytes(&bytes);
+        bytes.extend(hash.as_str().as_bytes());
+        store::write(&path, &bytes)
+    }
+
+    /// The state of the training `job` that was last saved in `folder`.
+    ///
+    /// `None` if there is none, if it is damaged, or if it belongs to another training: then the
+    /// training begins anew, which gives the same result.
+    pub fn load(folder: &Path, job: &Hash) -> Result<Option<Self>, store::Error> {
+        match store::read(&path(folder)) {
+            Err(store::Error::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => Ok(None),
+            Err(other) => Err(other),
+            Ok(bytes) => Ok(decode(&bytes, job)),
+        }
+    }
+}
+
+fn decode(bytes: &[u8], job: &Hash) -> Option<Snapshot> {
+    let (content, hash) = bytes.split_at_checked(bytes.len().checked_sub(HASH_LEN)?)?;
+    if hash_bytes(content).as_str().as_bytes() != hash {
+        return None;
+    }
+    let (length, rest) = content.split_first_chunk::<LENGTH_LEN>()?;
+    let (header, values) = rest.split_at_checked(usize::try_from(u64::from_le_bytes(*length)).ok()?)?;
+    let header: Header = serde_json::from_slice(header).ok()?;
+    if header.format != FORMAT || header.job != *job {
+        return None;
+    }
+    let (values, odd_bytes) = values.as_chunks::<4>();
+    if !odd_bytes.is_empty() || header.lengths.iter().sum::<usize>() != values.len() {
+        return None;
+    }
+    let mut values = values.iter().map(|b| f32::from_le_bytes(*b));
+    let [parameters, best, first, second] = header.lengths.map(|n| values.by_ref().take(n).collect());
+    Some(Snapshot {
+        position: header.position,
+        curve: header.curve,
+        steps: header.steps,
+        parameters,
+        best,
+        first,
+        second,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn snapshot() -> Snapshot {
+        let record = EpochRecord {
+            epoch: 0,
+            train_loss: 0.1 + 0.2,
+            validation_loss: 1.0 / 3.0,
+            mae_f: 71.300_000_000_000_01,
+            mae_xi: 5e-324,
+            objective: 1e-17,
+        };
+        Snapshot {
+            position: Position { epoch: 1, step: 7, loss_sum: 0.1 + 0.7 },
+            curve: vec![record],
+            steps: 27,
+            parameters: vec![1.0, -0.0, f32::MIN_POSITIVE / 4.0],
+            best: vec![0.1, 0.2, 0.3],
+            first: vec![1e-30, 2.0, 3.0],
+            second: vec![],
+        }
+    }
+
+    #[test]
+    fn a_state_comes_back_to_the_bit() {
+        let folder = tempfile::tempdir().unwrap();
+        let job = hash_bytes(b"job");
+        assert_eq!(Snapshot::load(folder.path(), &job).unwrap(), None);
+        snapshot().save(folder.path(), &job).unwrap();
+        let loaded = Snapshot::load(folder.path(), &job).unwrap().unwrap();
+        assert_eq!(loaded, snapshot());
+        assert!(loaded.parameters[1].is_sign_negative());
+    }
+
+    #[test]
+    fn a_damaged_state_and_one_of_another_training_count_as_none() {
+        let folder = tempfile::tempdir().unwrap();
+        let job = hash_bytes(b"job");
+        snapshot().save(folder.path(), &job).unwrap();
+        assert_eq!(Snapshot::load(folder.path(), &hash_bytes(b"other")).unwrap(), None);
+        let bytes = store::read(&path(folder.path())).unwrap();
+        for damaged in [&bytes[..bytes.len() - 1], &bytes[..70], &bytes[..10], &[]] {
+            assert_eq!(decode(damaged, &job), None);
+        }
+        for at in 0..bytes.len() {
+            let mut flipped = bytes.clone();
+            flipped[at] ^= 1;
+            assert_eq!(decode(&flipped, &job), None, "byte {at}");
+        }
+    }
+}
