@@ -1,6 +1,39 @@
 //! Hyper-parameter search: space, samplers, pruners, importance, study.
+//!
+//! A [`Space`] says which parameters exist under which conditions; a [`Sampler`] proposes their
+//! values; a [`Pruner`] ends poor trials early; a [`Study`] numbers trials and decides what each of
+//! them sees, so that it comes out the same whoever computes it and in whatever order trials end.
 
 use serde::{Deserialize, Serialize};
+
+pub mod apply;
+mod decimal;
+mod distribution;
+mod groups;
+pub mod importance;
+mod number;
+pub mod parzen;
+pub mod pruner;
+pub mod random;
+pub mod sampler;
+pub mod space;
+pub mod split;
+pub mod study;
+pub mod tpe;
+mod trial;
+pub mod truncnorm;
+
+pub use apply::apply;
+pub use distribution::{Distribution, Range, same_value};
+pub use groups::SubSpace;
+pub use importance::{Importance, importance};
+pub use pruner::Pruner;
+pub use random::RandomSampler;
+pub use sampler::{Draws, History, KeyedDraws, Proposal, Sampler, Uniform};
+pub use space::{Assignment, Space};
+pub use study::{Outcome, Study, Ticket};
+pub use tpe::{Constraints, Tpe, TpeOptions};
+pub use trial::{Direction, Param, Trial};
 
 /// How far a trial got, as in Optuna.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

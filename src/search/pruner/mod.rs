@@ -1,0 +1,95 @@
+//! Ending poor trials early.
+
+mod halving;
+mod percentile;
+mod simple;
+
+pub use halving::{Halving, Hyperband, Resource};
+pub use percentile::Percentile;
+pub use simple::{Never, Patient, Threshold};
+
+use super::{History, Trial};
+use crate::config::spec::{PrunerKind, PrunerSpec};
+
+/// What a pruner says about a trial.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Verdict {
+    /// Whether it should end.
+    pub prune: bool,
+    /// Values with which it has just completed further rungs (successive halving); they are to be
+    /// appended to the trial's.
+    pub rungs: Vec<f64>,
+}
+
+/// A rule for ending trials. It depends on its arguments only.
+pub trait Pruner: Send + Sync {
+    /// Judges `trial`, which is under way, after its latest report. `history` holds the trials that it
+    /// may be compared with.
+    fn judge(&self, history: &History, trial: &Trial) -> Verdict;
+
+    /// Whether `trial` should end.
+    fn should_prune(&self, history: &History, trial: &Trial) -> bool {
+        self.judge(history, trial).prune
+    }
+}
+
+/// The pruner that an experiment declares.
+pub fn from_spec(spec: &PrunerSpec) -> Box<dyn Pruner> {
+    let percentile = match spec.kind {
+        PrunerKind::None => return Box::new(Never),
+        PrunerKind::Median => 50.0,
+        PrunerKind::Percentile => spec.percentile,
+    };
+    Box::new(Percentile {
+        percentile,
+        startup_trials: spec.startup_trials as usize,
+        window: Window { warmup: spec.warmup_epochs.into(), interval: spec.interval_epochs.into() },
+        min_trials: spec.min_trials as usize,
+    })
+}
+
+/// At which reports a trial is judged.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Window {
+    /// The first step at which it may be.
+    pub warmup: u64,
+    /// Length of the windows that follow one another from there, at least 1; the first report in each is judged.
+    pub interval: u64,
+}
+
+impl Window {
+    /// The trial's last step and value, if they are to be judged.
+    fn open(&self, trial: &Trial) -> Option<(u64, f64)> {
+        let (step, value) = trial.last_report()?;
+        let since = step.checked_sub(self.warmup)?;
+        let start = since / self.interval.max(1) * self.interval.max(1) + self.warmup;
+        let before = trial.intermediate.keys().rev().nth(1);
+        before.is_none_or(|b| *b < start).then_some((step, value))
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::super::{Direction, TrialState};
+    use super::*;
+
+    pub(crate) fn trial(state: TrialState, reports: &[(u64, f64)]) -> Trial {
+        Trial { state, intermediate: reports.iter().copied().collect(), ..Trial::running(0, vec![]) }
+    }
+
+    pub(crate) fn prunes(pruner: &dyn Pruner, direction: Direction, others: &[Trial], reports: &[(u64, f64)]) -> bool {
+        let history = History { direction, trials: others.iter().collect() };
+        pruner.should_prune(&history, &trial(TrialState::Running, reports))
+    }
+
+    #[test]
+    fn only_the_first_report_of_a_window_is_judged() {
+        let window = Window { warmup: 2, interval: 3 };
+        let open = |steps: &[u64]| {
+            let reports: Vec<(u64, f64)> = steps.iter().map(|s| (*s, 0.0)).collect();
+            window.open(&trial(TrialState::Running, &reports)).is_some()
+        };
+        assert!(!open(&[]) && !open(&[1]) && open(&[1, 2]) && !open(&[2, 3]) && !open(&[2, 4]) && open(&[2, 5]));
+        assert!(open(&[4, 6]), "with sparse reports it is the first at or after the window's start");
+    }
+}
