@@ -1,8 +1,87 @@
 //! Predictions to metrics with intervals, and the controls that every result is held against.
 
+mod camera;
+mod columns;
+mod comparison;
+mod controls;
+mod files;
+mod metrics;
+mod sample;
+
+pub use comparison::{Comparison, Reduction, comparisons, reduction_percent};
+pub use controls::{PENALTIES, predict_the_mean, spectrum_control};
+pub use files::{
+    FileError, read_comparisons, read_curve, read_metrics, read_predictions, write_comparisons, write_curve,
+    write_metrics, write_predictions,
+};
+pub use metrics::{ErrorStatistics, error_statistics, objective, rows};
+
+pub(crate) use columns::{number_column, text_column, to_parquet};
+
 use serde::{Deserialize, Serialize};
 
 use crate::dataset::Subset;
+use crate::error::{Class, Classify};
+use crate::statistics;
+
+/// Why errors could not be measured.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// A label or an estimate that is infinite or not a number.
+    #[error("{arm} gives {what} = {value} for view {view} (refit {refit})")]
+    NotFinite {
+        /// Who predicts.
+        arm: Arm,
+        /// Number of the refit.
+        refit: usize,
+        /// Number of the view.
+        view: u32,
+        /// Which value.
+        what: &'static str,
+        /// The value.
+        value: f64,
+    },
+    /// Nothing to measure.
+    #[error("{arm} has no prediction on {subset:?}")]
+    Empty {
+        /// Who predicts.
+        arm: Arm,
+        /// On which subset.
+        subset: Subset,
+    },
+    /// Predictions of different views, or with different labels, are compared; a bug of the caller.
+    #[error("{first} and {second} do not predict the same views of {subset:?}")]
+    DifferentViews {
+        /// One arm or refit.
+        first: String,
+        /// The other.
+        second: String,
+        /// On which subset.
+        subset: Subset,
+    },
+    /// Labels and predictions are not equally many.
+    #[error("{labels} labels, {predictions} predictions")]
+    Counts {
+        /// Number of labels.
+        labels: usize,
+        /// Number of predictions.
+        predictions: usize,
+    },
+    /// A control cannot be fitted.
+    #[error("cannot fit {control}: {source}")]
+    Control {
+        /// Which control.
+        control: Arm,
+        /// Why.
+        source: statistics::Error,
+    },
+}
+
+impl Classify for Error {
+    fn class(&self) -> Class {
+        Class::Run
+    }
+}
 
 /// Label and estimate of one view.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -37,6 +116,32 @@ pub enum Arm {
     SpectrumControl,
 }
 
+impl Arm {
+    /// All arms, in the order of tables.
+    pub const ALL: [Arm; 4] = [Arm::Baseline, Arm::Tuned, Arm::PredictMean, Arm::SpectrumControl];
+
+    /// The name in files, e.g. `predict_mean`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Arm::Baseline => "baseline",
+            Arm::Tuned => "tuned",
+            Arm::PredictMean => "predict_mean",
+            Arm::SpectrumControl => "spectrum_control",
+        }
+    }
+
+    /// Whether it is a trained network, and so has refits with seeds of their own.
+    pub fn is_network(self) -> bool {
+        matches!(self, Arm::Baseline | Arm::Tuned)
+    }
+}
+
+impl std::fmt::Display for Arm {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
 /// What is estimated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -58,6 +163,12 @@ pub enum Quantity {
     BearingDeg,
 }
 
+impl Quantity {
+    /// All quantities, in the order of tables.
+    pub const ALL: [Quantity; 5] =
+        [Quantity::FocalPx, Quantity::Xi, Quantity::CentralScale, Quantity::HfovDeg, Quantity::BearingDeg];
+}
+
 /// Statistic of the errors e = label − prediction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -74,6 +185,11 @@ pub enum Metric {
     Max,
     /// Smallest |e|.
     Min,
+}
+
+impl Metric {
+    /// All statistics, in the order of tables.
+    pub const ALL: [Metric; 6] = [Metric::Mae, Metric::Mse, Metric::MeanError, Metric::Sde, Metric::Max, Metric::Min];
 }
 
 /// One row of `metrics.json`.
@@ -99,4 +215,41 @@ pub struct MetricRow {
     pub n_views: u32,
     /// Panoramas.
     pub n_panoramas: u32,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::spec::EvaluationSpec;
+    use crate::dataset::View;
+
+    pub(super) fn spec() -> EvaluationSpec {
+        EvaluationSpec { refit_seeds: 3, bootstrap: 200, confidence: 0.95, shown_views: 10, spectrum_bins: 16 }
+    }
+
+    pub(super) fn view(index: u32, panorama: u32, subset: Subset, f_px: f64, xi: f64) -> View {
+        let panorama = format!("p{panorama:03}");
+        View { index, panorama, subset, f_px, xi, yaw_deg: 0.0, pitch_deg: 0.0, roll_deg: 0.0 }
+    }
+
+    /// A test view with the given errors (label − prediction).
+    pub(super) fn prediction(view: u32, panorama: u32, f_error: f64, xi_error: f64) -> Prediction {
+        let (f_true, xi_true) = (150.0 + f64::from(view * 37 % 300), f64::from(view * 7 % 12) / 10.0);
+        Prediction {
+            view,
+            panorama: format!("p{panorama:03}"),
+            subset: Subset::Test,
+            f_true,
+            xi_true,
+            f_pred: f_true - f_error,
+            xi_pred: xi_true - xi_error,
+        }
+    }
+
+    #[test]
+    fn names_of_arms_are_those_in_files() {
+        for arm in Arm::ALL {
+            assert_eq!(serde_json::to_value(arm).unwrap(), arm.name());
+        }
+    }
 }

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::config::spec::Experiment;
 use crate::dataset::View;
-use crate::evaluate::{Arm, MetricRow, Prediction};
+use crate::evaluate::{Arm, Comparison, MetricRow, Prediction};
 use crate::search::TrialState;
 use crate::train::EpochRecord;
 
@@ -17,6 +17,8 @@ pub struct RunArtefacts {
     pub experiment: Experiment,
     /// `metrics.json`.
     pub metrics: Vec<MetricRow>,
+    /// `comparisons.json`: the arms against each other and against the controls, paired.
+    pub comparisons: Vec<Comparison>,
     /// `predictions/<arm>.parquet`: for each arm, the predictions of each refit (controls have one).
     pub predictions: BTreeMap<Arm, Vec<Vec<Prediction>>>,
     /// `trials/<number>/`, in order of number.
