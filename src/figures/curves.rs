@@ -3,7 +3,7 @@
 use super::axes::{Panel, Scale, legend, short};
 use super::drawing::{Drawing, Point, Stroke, Type};
 use super::history;
-use super::style::{self, BLUE, HEADING, MARGIN, Mark, ORANGE, PAPER, SLATE, WIDTH, tint};
+use super::style::{self, BLUE, HEADING, MARGIN, Mark, PAPER, SLATE, WIDTH, tint};
 use crate::evaluate::Arm;
 use crate::search::TrialState;
 use crate::tables::artefacts::{RunArtefacts, TrialArtefact};
@@ -138,7 +138,7 @@ fn trial_stroke(state: TrialState, best: bool) -> Stroke {
     match state {
         _ if best => Stroke::solid(BLUE, 1.8),
         TrialState::Pruned => Stroke::dashed(tint(SLATE, 0.65), 0.8, 2.5, 1.8),
-        TrialState::Fail => Stroke::dashed(ORANGE, 0.9, 1.0, 1.5),
+        TrialState::Fail => Stroke::dashed(SLATE, 0.9, 0.9, 1.6),
         _ => Stroke::solid(tint(BLUE, 0.45), 0.8),
     }
 }

@@ -120,10 +120,11 @@ fn panel(d: &mut Drawing, top: f64, quantity: Quantity, metric: Metric, rows: &[
         x: Scale::from_zero(values),
         y: Scale::linear(0.0, 1.0),
     };
+    let digits = digits(rows);
     panel.horizontal(d, &panel.x.ticks(4), "", true);
     for (i, arm) in arms.iter().enumerate() {
         let y = panel.at.1 + (i as f64 + 0.5) * ROW;
-        row(d, &panel, y, *arm, rows);
+        row(d, &panel, y, *arm, rows, digits);
         if let Some(value) = theirs(*arm) {
             d.mark((panel.point(value, 0.0).0, y), 5.0, Mark::Diamond, INK, Some(PAPER));
         }
@@ -132,12 +133,18 @@ fn panel(d: &mut Drawing, top: f64, quantity: Quantity, metric: Metric, rows: &[
     panel.at.1 + panel.size.1 + 19.0
 }
 
+/// Decimals for all values of a panel: three digits of the largest, four if it begins with 1.
+fn digits(rows: &[&MetricRow]) -> usize {
+    let largest = rows.iter().map(|r| r.value.abs()).fold(1e-9, f64::max);
+    (2.0 - libm::floor(libm::log10(largest / 2.0))).clamp(0.0, 9.0) as usize
+}
+
 fn zero_line(d: &mut Drawing, panel: &Panel) {
     let zero = panel.point(0.0, 0.0).0;
     d.line(&[(zero, panel.at.1), (zero, panel.at.1 + panel.size.1)], Stroke::solid(INK, 0.8));
 }
 
-fn row(d: &mut Drawing, panel: &Panel, y: f64, arm: Arm, rows: &[&MetricRow]) {
+fn row(d: &mut Drawing, panel: &Panel, y: f64, arm: Arm, rows: &[&MetricRow], digits: usize) {
     let look = style::arm(arm);
     let x = |value: f64| panel.point(value, 0.0).0;
     let baseline = y + SMALL * 0.36;
@@ -152,7 +159,7 @@ fn row(d: &mut Drawing, panel: &Panel, y: f64, arm: Arm, rows: &[&MetricRow]) {
     for refit in rows.iter().filter(|r| r.arm == arm && r.seed.is_some()) {
         d.mark((x(refit.value), y), 2.6, Mark::Circle, INK, Some(PAPER));
     }
-    d.text((WIDTH - MARGIN, baseline), short(mean.value), Type::PLAIN.at(Anchor::End));
+    d.text((WIDTH - MARGIN, baseline), fixed(mean.value, digits), Type::PLAIN.at(Anchor::End));
 }
 
 type Sign = dyn Fn(&mut Drawing, Point);
@@ -195,7 +202,7 @@ pub fn reductions(run: &RunArtefacts, quantity: Quantity) -> (Drawing, String) {
     let end = panel.horizontal(&mut d, &panel.x.ticks(5), "reduction from baseline to tuned (%)", true);
     for (i, (metric, ours)) in pairs.iter().enumerate() {
         let y = panel.at.1 + i as f64 * group;
-        d.text((panel.at.0, y + HEADING), metric_name(*metric), Type::BOLD);
+        d.text((panel.at.0 + 3.0, y + HEADING), metric_name(*metric), Type::BOLD);
         reduction_bar(&mut d, &panel, y + 17.0, *ours, true);
         if let Some(value) = theirs(*metric) {
             reduction_bar(&mut d, &panel, y + 28.0, value, false);

@@ -24,7 +24,7 @@ pub fn draw(run: &RunArtefacts) -> (Drawing, String) {
     }
     let end = legend(&mut d, (MARGIN, end + 13.0), WIDTH - 2.0 * MARGIN, &entries(trials));
     let note = summary(trials);
-    let end = d.paragraph((MARGIN, end), WIDTH - 2.0 * MARGIN, &note, Type::NOTE);
+    let end = d.paragraph((MARGIN, end + 3.0), WIDTH - 2.0 * MARGIN, &note, Type::NOTE);
     d.end_at(end - Type::NOTE.line());
     (d, caption(run, &note))
 }

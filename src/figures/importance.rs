@@ -13,7 +13,7 @@ const STABLE: usize = 30;
 const SHOWN: usize = 24;
 const ROW: f64 = 12.0;
 /// Room for the number after a bar.
-const NUMBER: f64 = 24.0;
+const NUMBER: f64 = 28.0;
 
 /// Bars of importance from most to least; a line shows the range over forest seeds and left-out trials.
 pub fn draw(run: &RunArtefacts) -> (Drawing, String) {
@@ -70,7 +70,11 @@ fn bar(d: &mut Drawing, panel: &Panel, row: &ImportanceRow, y: f64) {
     let baseline = y + SMALL * 0.36;
     d.text((MARGIN, baseline), label(row), Type::PLAIN);
     d.line(&[(panel.at.0, y - ROW / 2.0), (panel.at.0, y + ROW / 2.0)], Stroke::solid(GRID, 0.8));
-    d.text((x(row.high.max(row.value)) + 4.0, baseline), fixed(row.value, 2), Type::PLAIN);
+    d.text((x(row.high.max(row.value)) + 4.0, baseline), number(row.value), Type::PLAIN);
+}
+
+fn number(value: f64) -> String {
+    if value > 0.0 && value < 0.005 { "<0.01".to_owned() } else { fixed(value, 2) }
 }
 
 fn note(run: &RunArtefacts, finished: usize) -> String {
