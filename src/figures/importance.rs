@@ -85,7 +85,7 @@ fn note(run: &RunArtefacts, finished: usize) -> String {
     };
     if run.importance.len() > SHOWN {
         let rest: f64 = run.importance[SHOWN..].iter().map(|r| r.value).sum();
-        note += &format!(" {} more hyper-parameters share {}.", run.importance.len() - SHOWN, fixed(rest, 2));
+        note += &format!(" {} more hyper-parameters share {}.", run.importance.len() - SHOWN, number(rest));
     }
     note
 }

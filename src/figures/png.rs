@@ -15,8 +15,8 @@ use super::style::{Colour, PAPER};
 use super::text;
 use crate::tables::artefacts::Picture;
 
-/// Stored pixels per point: 360 dpi at print size.
-const SCALE: f64 = 5.0;
+/// Stored pixels per point: 288 dpi at print size.
+const SCALE: f64 = 4.0;
 /// Painted pixels per stored pixel and axis.
 const OVERSAMPLING: u32 = 2;
 /// Painted pixels per point.
@@ -235,11 +235,11 @@ mod tests {
         d.rect((10.0, 4.0), (20.0, 6.0), Some(INK), None);
         d.end_at(14.0);
         let image = image::load_from_memory(&render(&d).unwrap()).unwrap().to_rgb8();
-        assert_eq!(image.dimensions(), (1200, 100));
+        assert_eq!(image.dimensions(), (960, 80));
         let dark = image.pixels().filter(|p| p[0] < 128).count() as f64;
         assert!((dark / (SCALE * SCALE) - 120.0).abs() < 6.0, "{dark}");
-        assert_eq!(image.get_pixel(100, 35).0, INK);
-        assert_eq!(image.get_pixel(40, 35).0, PAPER);
+        assert_eq!(image.get_pixel(80, 28).0, INK);
+        assert_eq!(image.get_pixel(32, 28).0, PAPER);
     }
 
     #[test]
@@ -248,7 +248,7 @@ mod tests {
         d.line(&[(20.0, 10.0), (120.0, 10.0)], Stroke::solid(INK, 2.0));
         d.end_at(14.0);
         let image = image::load_from_memory(&render(&d).unwrap()).unwrap().to_rgb8();
-        let dark = (0..image.height()).filter(|y| image.get_pixel(300, *y)[0] < 128).count();
-        assert!((9..=11).contains(&dark), "{dark}");
+        let dark = (0..image.height()).filter(|y| image.get_pixel(240, *y)[0] < 128).count();
+        assert!((7..=9).contains(&dark), "{dark}");
     }
 }

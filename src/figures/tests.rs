@@ -145,7 +145,7 @@ fn the_same_run_gives_the_same_bytes() {
     assert_eq!(first, second);
     for figure in &first {
         let image = image::load_from_memory(&figure.png).unwrap();
-        assert_eq!(image.width(), 1200, "{}", figure.name);
+        assert_eq!(image.width(), 960, "{}", figure.name);
     }
 }
 

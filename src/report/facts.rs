@@ -33,8 +33,12 @@ fn mae(run: &RunArtefacts, arm: Arm, quantity: Quantity) -> Option<&MetricRow> {
     })
 }
 
+/// A value and its interval, all with as many decimals as the value needs for three digits.
 fn with_interval(row: &MetricRow, unit: &str) -> String {
-    format!("{}{unit} [{}, {}]", short(row.value), short(row.ci_low), short(row.ci_high))
+    let exponent = libm::floor(libm::log10(row.value.abs().max(1e-9)));
+    let digits = (2.0 - exponent).max(0.0) as usize;
+    let number = |v| fixed(v, digits);
+    format!("{}{unit} [{}, {}]", number(row.value), number(row.ci_low), number(row.ci_high))
 }
 
 /// Rows of the small table under the summary.

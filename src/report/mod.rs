@@ -78,12 +78,17 @@ fn fact(fact: facts::KeyFigure) -> Value {
 }
 
 fn table(table: &TableView) -> Value {
+    let column = |(i, text): (usize, &String)| {
+        let cells = || table.rows.iter().filter_map(|row| row.get(i));
+        context! { text => text.clone(), number => cells().next().is_some() && cells().all(|c| is_number(c)) }
+    };
+    let columns = table.columns.iter().enumerate().map(column).collect::<Vec<_>>();
     let cell = |text: &String| context! { text => text.clone(), number => is_number(text) };
     context! {
         name => table.name.clone(),
         title => table.title.clone(),
         note => table.note.clone(),
-        columns => table.columns.clone(),
+        columns => columns,
         rows => table.rows.iter().map(|row| row.iter().map(cell).collect::<Vec<_>>()).collect::<Vec<_>>(),
     }
 }
