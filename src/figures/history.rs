@@ -1,0 +1,153 @@
+//! Figure 10: value of each trial and the best so far.
+
+use super::axes::{Panel, Scale, legend, short};
+use super::drawing::{Drawing, Point, Stroke, Type};
+use super::style::{BEST, BLUE, MARGIN, Mark, SLATE, WIDTH};
+use crate::search::TrialState;
+use crate::tables::artefacts::{RunArtefacts, TrialArtefact};
+
+const LEFT: f64 = 38.0;
+
+/// Optimisation history: complete trials, the best so far in red, pruned and failed trials marked.
+pub fn draw(run: &RunArtefacts) -> (Drawing, String) {
+    let trials = &run.trials;
+    if trials.is_empty() {
+        return (Drawing::sentence("No trial was run: there is no optimisation history."), String::new());
+    }
+    let panel = panel(trials);
+    let mut d = Drawing::new();
+    panel.vertical(&mut d, "objective on validation (less is better)");
+    let end = panel.horizontal(&mut d, &ticks(trials), "trial", false);
+    panel.curve(&mut d, &best_line(trials), Stroke::solid(BEST, 1.6));
+    for trial in trials {
+        mark(&mut d, &panel, trial);
+    }
+    let end = legend(&mut d, (MARGIN, end + 13.0), WIDTH - 2.0 * MARGIN, &entries(trials));
+    let note = summary(trials);
+    let end = d.paragraph((MARGIN, end + 3.0), WIDTH - 2.0 * MARGIN, &note, Type::NOTE);
+    d.end_at(end - Type::NOTE.line());
+    (d, caption(run, &note))
+}
+
+/// Last value of a trial that ended early.
+pub fn last_value(trial: &TrialArtefact) -> Option<f64> {
+    trial.curve.iter().rev().map(|record| record.objective).find(|v| v.is_finite())
+}
+
+/// The value of a complete trial.
+pub fn complete_value(trial: &TrialArtefact) -> Option<f64> {
+    trial.value.filter(|v| v.is_finite() && trial.state == TrialState::Complete)
+}
+
+/// The complete trial with the least value; the first of equals.
+pub fn best(trials: &[TrialArtefact]) -> Option<(&TrialArtefact, f64)> {
+    trials.iter().filter_map(|t| Some((t, complete_value(t)?))).fold(None, |best, (trial, value)| match best {
+        Some((_, least)) if value >= least => best,
+        _ => Some((trial, value)),
+    })
+}
+
+/// Number of trials in a state.
+pub fn count(trials: &[TrialArtefact], state: TrialState) -> usize {
+    trials.iter().filter(|t| t.state == state).count()
+}
+
+fn panel(trials: &[TrialArtefact]) -> Panel {
+    let complete: Vec<f64> = trials.iter().filter_map(complete_value).collect();
+    // A pruned trial may end far off; it must not flatten the others.
+    let ceiling = complete.iter().copied().fold(f64::NEG_INFINITY, f64::max) * 2.0;
+    let pruned = trials.iter().filter(|t| t.state == TrialState::Pruned).filter_map(last_value);
+    let shown = pruned.filter(|v| complete.is_empty() || *v <= ceiling);
+    let (first, last) = trials.iter().fold((u32::MAX, 0), |(a, b), t| (a.min(t.number), b.max(t.number)));
+    Panel {
+        at: (LEFT, 22.0),
+        size: (WIDTH - LEFT - MARGIN - 2.0, 120.0),
+        x: Scale::linear(f64::from(first) - 0.6, f64::from(last) + 0.6),
+        y: Scale::around(complete.iter().copied().chain(shown)),
+    }
+}
+
+fn ticks(trials: &[TrialArtefact]) -> Vec<(f64, String)> {
+    let step = (trials.len().div_ceil(10)).max(1);
+    let step = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000].into_iter().find(|s| *s >= step).unwrap_or(step);
+    trials
+        .iter()
+        .filter(|t| t.number as usize % step == 0)
+        .map(|t| (f64::from(t.number), t.number.to_string()))
+        .collect()
+}
+
+/// Steps of the best value so far.
+fn best_line(trials: &[TrialArtefact]) -> Vec<(f64, f64)> {
+    let mut points: Vec<(f64, f64)> = Vec::new();
+    let mut least = f64::INFINITY;
+    for trial in trials {
+        let x = f64::from(trial.number);
+        if least.is_finite() {
+            points.push((x, least));
+        }
+        if let Some(value) = complete_value(trial).filter(|v| *v < least) {
+            least = value;
+            points.push((x, least));
+        }
+    }
+    if let (Some(last), true) = (trials.last(), least.is_finite()) {
+        points.push((f64::from(last.number) + 0.6, least));
+    }
+    points
+}
+
+fn mark(d: &mut Drawing, panel: &Panel, trial: &TrialArtefact) {
+    let x = f64::from(trial.number);
+    let top = panel.at.1 + 4.0;
+    let place = |value: Option<f64>| -> Point {
+        let (px, py) = panel.point(x, value.unwrap_or(panel.y.high));
+        (px, py.max(top))
+    };
+    match trial.state {
+        TrialState::Complete => {
+            if let Some(value) = complete_value(trial) {
+                d.mark(place(Some(value)), 4.6, Mark::Circle, BLUE, Some(BLUE));
+            }
+        }
+        TrialState::Pruned => d.mark(place(last_value(trial)), 4.6, Mark::Triangle, SLATE, Some([255; 3])),
+        TrialState::Fail => d.mark(place(None), 4.6, Mark::Cross, SLATE, None),
+        TrialState::Running | TrialState::Waiting => {}
+    }
+}
+
+type Sign = dyn Fn(&mut Drawing, Point);
+
+fn entries(trials: &[TrialArtefact]) -> Vec<(&'static str, &'static Sign)> {
+    let mut entries: Vec<(&'static str, &'static Sign)> = Vec::new();
+    if count(trials, TrialState::Complete) > 0 {
+        entries.push(("complete", &|d, p| d.mark(p, 4.6, Mark::Circle, BLUE, Some(BLUE))));
+        entries.push(("best so far", &|d, (x, y)| d.line(&[(x - 6.0, y), (x + 6.0, y)], Stroke::solid(BEST, 1.6))));
+    }
+    if count(trials, TrialState::Pruned) > 0 {
+        entries.push(("pruned, at its last value", &|d, p| d.mark(p, 4.6, Mark::Triangle, SLATE, Some([255; 3]))));
+    }
+    if count(trials, TrialState::Fail) > 0 {
+        entries.push(("failed", &|d, p| d.mark(p, 4.6, Mark::Cross, SLATE, None)));
+    }
+    entries
+}
+
+fn summary(trials: &[TrialArtefact]) -> String {
+    let [complete, pruned, failed] =
+        [TrialState::Complete, TrialState::Pruned, TrialState::Fail].map(|state| count(trials, state));
+    let counts = format!("{} trials: {complete} complete, {pruned} pruned, {failed} failed.", trials.len());
+    match best(trials) {
+        Some((trial, value)) => format!("{counts} Best: trial {} with {}.", trial.number, short(value)),
+        None => format!("{counts} No trial has a value, so there is no best one."),
+    }
+}
+
+fn caption(run: &RunArtefacts, note: &str) -> String {
+    format!(
+        "Objective ½(MAE of f / 450 + MAE of ξ / 1.2) on the validation subset, at each trial's best epoch, in the order of \
+         the trials; the red line is the best value so far. A pruned trial that ended beyond the scale stands at its upper \
+         border, as a failed one does. The search was asked for {} trials. {note}",
+        run.experiment.search.trials
+    )
+}

@@ -1,0 +1,170 @@
+//! Every figure, for runs of several sizes.
+
+use super::drawing::{Anchor, Drawing, Shape};
+use super::*;
+
+fn runs() -> Vec<(&'static str, RunArtefacts)> {
+    vec![
+        ("two trials", fixture::run(2, 2)),
+        ("ten trials", fixture::run(10, 6)),
+        ("thirty trials", fixture::run(30, 12)),
+        ("no hidden layer", fixture::run(1, 0)),
+        ("all failed", fixture::failed()),
+        ("nothing", fixture::empty()),
+    ]
+}
+
+/// Left, top, right, bottom of a text, from just above its small letters to its baseline.
+fn text_box(shape: &Shape) -> Option<([f64; 4], &str)> {
+    let Shape::Text { at: (x, y), text, style } = shape else { return None };
+    let width = style.width(text);
+    let left = match style.anchor {
+        Anchor::Start => *x,
+        Anchor::Middle => x - width / 2.0,
+        Anchor::End => x - width,
+    };
+    Some(([left, y - 0.73 * style.size, left + width, y + 0.2 * style.size], text))
+}
+
+fn texts(drawing: &Drawing) -> Vec<([f64; 4], &str)> {
+    drawing.shapes.iter().filter_map(text_box).collect()
+}
+
+#[test]
+fn no_text_leaves_its_figure_or_covers_another() {
+    for (name, run) in runs() {
+        for plan in plans(&run) {
+            let boxes = texts(&plan.drawing);
+            for (i, (a, text)) in boxes.iter().enumerate() {
+                let d = &plan.drawing;
+                let inside = a[0] >= 0.0 && a[1] >= 0.0 && a[2] <= d.width && a[3] <= d.height;
+                assert!(inside, "{name}, {}: `{text}` at {a:?} of {} × {}", plan.name, d.width, d.height);
+                for (b, other) in &boxes[..i] {
+                    let apart = a[0] >= b[2] || b[0] >= a[2] || a[1] >= b[3] || b[1] >= a[3];
+                    assert!(apart, "{name}, {}: `{text}` over `{other}`", plan.name);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn every_figure_is_well_formed_and_has_only_numbers() {
+    for (name, run) in runs() {
+        let plans = plans(&run);
+        assert_eq!(plans.len(), 15);
+        for plan in plans {
+            let svg = svg::render(&plan.drawing, plan.title).unwrap();
+            // Encoded pictures may spell anything.
+            let drawn: String = svg.lines().filter(|line| !line.starts_with("<image")).collect();
+            let damaged = ["NaN", "=\"inf", "=\"-inf", " inf,"].iter().find(|word| drawn.contains(**word));
+            assert_eq!(damaged, None, "{name}, {}", plan.name);
+            assert!(!svg.contains(" id="), "{}: ids clash when figures stand in one page", plan.name);
+            assert_balanced(&svg);
+            assert!(plan.drawing.height >= 15.0 && plan.drawing.height < 900.0, "{name}, {}", plan.name);
+        }
+    }
+}
+
+/// Every element is closed, in the right order.
+fn assert_balanced(svg: &str) {
+    let mut open: Vec<&str> = Vec::new();
+    for tag in svg.split('<').skip(1) {
+        let (tag, _) = tag.split_once('>').expect("a tag has an end");
+        if let Some(name) = tag.strip_prefix('/') {
+            assert_eq!(open.pop(), Some(name));
+        } else if !tag.ends_with('/') {
+            open.push(tag.split_whitespace().next().unwrap_or_default());
+        }
+        assert_eq!(tag.matches('"').count() % 2, 0, "{tag}");
+    }
+    assert!(open.is_empty(), "{open:?}");
+}
+
+#[test]
+fn no_text_is_smaller_than_seven_points_at_eight_centimetres() {
+    for plan in plans(&fixture::run(30, 12)) {
+        let printed = 8.0 / 2.54 * 72.0 / plan.drawing.width;
+        for shape in &plan.drawing.shapes {
+            if let Shape::Text { style, text, .. } = shape {
+                assert!(style.size * printed >= 7.0, "{}: {text}", plan.name);
+            }
+        }
+    }
+}
+
+#[test]
+fn figures_say_what_they_show() {
+    let run = fixture::run(10, 6);
+    let all = |name: &str| {
+        let plan = plans(&run).into_iter().find(|p| p.name == name).expect("a figure of that name");
+        texts(&plan.drawing).into_iter().map(|(_, t)| t.to_owned()).collect::<Vec<_>>().join(" ")
+    };
+    for (figure, words) in [
+        ("figure_3", &["panorama room-0042", "f 100 px", "ξ 1.20"][..]),
+        ("figure_4", &["f 50 px", "ξ 1.10"]),
+        ("figure_5", &["dense 128", "output f", "output ξ", "167,968 parameters", "relu, dropout 0.20"]),
+        ("figure_6", &["panoramas", "→ 200 panoramas", "propose hyper-parameters", "pruned"]),
+        (
+            "figure_7",
+            &["resample to 299 × 299 px", "taps mixed_5b", "central scale f/(1+ξ)", "horizontal field of view"],
+        ),
+        ("figure_10", &["best so far", "pruned", "failed", "10 trials"]),
+        ("figure_11", &["learning_rate", "not stable"]),
+        (
+            "figure_12",
+            &["baseline", "tuned", "predict the mean", "spectrum control", "published", "Mean squared error"],
+        ),
+        ("figure_13", &["reduction from baseline to tuned (%)", "75.4 %", "17.8 %"]),
+        ("figure_14", &["Mean squared error (px²)", "51.3"]),
+        ("figure_15", &["85.4 %"]),
+        ("loss_curves", &["epoch", "validation", "train"]),
+        ("trial_curves", &["best trial and epoch", "pruned"]),
+        ("scatter_f", &["predicted f (px)", "true f (px)", "identity", "predict the mean"]),
+        ("scatter_xi", &["predicted ξ"]),
+    ] {
+        let text = all(figure);
+        for word in words {
+            assert!(text.contains(word), "{figure} lacks `{word}`: {text}");
+        }
+    }
+}
+
+#[test]
+fn thirty_finished_trials_are_not_called_unstable() {
+    let text = |run: &RunArtefacts| importance::draw(run).1;
+    assert!(text(&fixture::run(29, 3)).contains("not stable"));
+    // Every seventh trial fails: 36 trials, 31 finished.
+    assert!(!text(&fixture::run(36, 3)).contains("not stable"));
+}
+
+#[test]
+fn the_same_run_gives_the_same_bytes() {
+    let first = draw_all(&fixture::run(10, 4)).unwrap();
+    let second = draw_all(&fixture::run(10, 4)).unwrap();
+    assert_eq!(first, second);
+    for figure in &first {
+        let image = image::load_from_memory(&figure.png).unwrap();
+        assert_eq!(image.width(), 960, "{}", figure.name);
+    }
+}
+
+#[test]
+fn figures_are_written_as_svg_and_png() {
+    let folder = tempfile::tempdir().unwrap();
+    let figures = draw_all(&fixture::empty()).unwrap();
+    let paths = write(&folder.path().join("figures"), &figures).unwrap();
+    assert_eq!(paths.len(), 30);
+    assert_eq!(std::fs::read(folder.path().join("figures/figure_10.png")).unwrap(), figures[5].png);
+    assert_eq!(std::fs::read_to_string(folder.path().join("figures/figure_10.svg")).unwrap(), figures[5].svg);
+}
+
+/// Writes the figures of a fixture to `PANOTUNE_FIGURES_DIR`, for people who want to look at them.
+#[test]
+#[ignore = "writes files for people"]
+fn show() {
+    let Some(folder) = std::env::var_os("PANOTUNE_FIGURES_DIR").map(PathBuf::from) else { return };
+    for (name, run) in runs() {
+        write(&folder.join(name.replace(' ', "_")), &draw_all(&run).unwrap()).unwrap();
+    }
+}
