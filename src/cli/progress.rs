@@ -45,6 +45,12 @@ impl Progress for Bars {
     fn advance(&self, by: u64) {
         self.with_last(|bar| bar.inc(by));
     }
+    fn advance_outer(&self, by: u64) {
+        let open = lock(&self.open);
+        if let Some(bar) = open.len().checked_sub(2).and_then(|i| open.get(i)) {
+            bar.inc(by);
+        }
+    }
     fn note(&self, text: &str) {
         let open = lock(&self.open);
         if let Some(bar) = open.first() {
@@ -126,6 +132,12 @@ impl Progress for Lines {
             }
         }
     }
+    fn advance_outer(&self, by: u64) {
+        let mut open = lock(&self.open);
+        if let Some(work) = open.len().checked_sub(2).and_then(|i| open.get_mut(i)) {
+            work.done += by;
+        }
+    }
     fn note(&self, text: &str) {
         match self.format {
             Format::Json => println!("{}", serde_json::json!({"event": "note", "text": text})),
@@ -148,6 +160,7 @@ pub(super) struct Quiet;
 impl Progress for Quiet {
     fn begin(&self, _: &str, _: u64) {}
     fn advance(&self, _: u64) {}
+    fn advance_outer(&self, _: u64) {}
     fn note(&self, _: &str) {}
     fn end(&self) {}
     fn interrupted(&self) -> bool {

@@ -2,15 +2,15 @@
 
 use serde_json::Value;
 
-use super::stages::{Made, Stages};
 use super::Error;
 use crate::config::spec::{Experiment, LayerSpec, NetworkSpec, PanoramaSource, PrunerKind, SamplerKind};
 use crate::dataset::{Dataset, Subset};
 use crate::features::FeatureSet;
 use crate::panorama::Catalogue;
 use crate::search::TrialState;
-use crate::store::{RunFolder, write_json};
+use crate::store::RunFolder;
 use crate::tables::artefacts::{FlowStep, LayerRow, TrialArtefact};
+use crate::tables::{write_flow, write_layers, write_warnings};
 
 /// Under this number of finished trials the ranking of an importance is not stable.
 const STABLE_IMPORTANCE: usize = 30;
@@ -28,9 +28,9 @@ pub(super) struct Subject<'a> {
 
 /// Writes the three files.
 pub(super) fn write(folder: &RunFolder, subject: &Subject<'_>, backbone_parameters: u64) -> Result<(), Error> {
-    write_json(&folder.join("flow.json"), &flow(subject))?;
-    write_json(&folder.join("network.json"), &layers(subject, backbone_parameters))?;
-    Ok(write_json(&folder.join("warnings.json"), &warnings(subject))?)
+    write_flow(folder.path(), &flow(subject))?;
+    write_layers(folder.path(), &layers(subject, backbone_parameters))?;
+    Ok(write_warnings(folder.path(), &warnings(subject))?)
 }
 
 fn warnings(subject: &Subject<'_>) -> Vec<String> {

@@ -56,15 +56,30 @@ pub enum Error {
     /// Training.
     #[error(transparent)]
     Train(#[from] crate::train::Error),
-    /// Search.
-    #[error(transparent)]
-    Search(#[from] crate::search::Error),
     /// Evaluation.
     #[error(transparent)]
     Evaluate(#[from] crate::evaluate::Error),
-    /// Tables.
+    /// Search space.
     #[error(transparent)]
-    Tables(#[from] crate::tables::Error),
+    Space(#[from] crate::search::space::SpaceError),
+    /// A proposed value that cannot be put into the experiment.
+    #[error(transparent)]
+    Apply(#[from] crate::search::apply::ApplyError),
+    /// The order of trials.
+    #[error(transparent)]
+    Study(#[from] crate::search::study::StudyError),
+    /// Artefacts that cannot be read.
+    #[error(transparent)]
+    Read(#[from] crate::tables::ReadError),
+    /// Tables that cannot be written.
+    #[error(transparent)]
+    Write(#[from] crate::tables::WriteError),
+    /// Parquet and metrics files.
+    #[error(transparent)]
+    File(#[from] crate::evaluate::FileError),
+    /// Published values; a bug.
+    #[error(transparent)]
+    Published(#[from] crate::tables::published::Error),
     /// Figures.
     #[error(transparent)]
     Figures(#[from] crate::figures::Error),
@@ -85,9 +100,14 @@ impl Classify for Error {
             Error::Backbone(e) => e.class(),
             Error::Features(e) => e.class(),
             Error::Train(e) => e.class(),
-            Error::Search(e) => e.class(),
+            Error::Space(e) => e.class(),
+            Error::Apply(e) => e.class(),
+            Error::Study(e) => e.class(),
             Error::Evaluate(e) => e.class(),
-            Error::Tables(e) => e.class(),
+            Error::Read(e) => e.class(),
+            Error::Write(e) => e.class(),
+            Error::File(e) => e.class(),
+            Error::Published(e) => e.class(),
             Error::Figures(e) => e.class(),
             Error::Report(e) => e.class(),
         }

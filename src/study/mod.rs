@@ -14,21 +14,24 @@ mod plan;
 mod stages;
 mod suite;
 mod trials;
+mod weights;
 
 pub use error::Error;
+pub use outputs::summary;
 pub use plan::plan;
 pub use suite::run_suite;
+pub use weights::{install_weights, list_weights};
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use crate::config::LoadedExperiment;
-use crate::evaluate::Arm;
 use crate::kernel;
+use crate::network::Coding;
 use crate::pipeline::events::Events;
 use crate::pipeline::progress::Progress;
 use crate::provenance::Provenance;
 use crate::store::{self, Opened, RunFolder, write_json};
+use crate::train::TrainingData;
 
 use stages::Stages;
 
@@ -57,12 +60,13 @@ pub struct Finished {
 }
 
 /// What of a run is equal to the byte between reruns, and listed in `SHA256SUMS`.
-const EXACT: [&str; 10] = [
+const EXACT: [&str; 11] = [
     "tables",
     "figures",
     "predictions",
     "trials",
     "metrics.json",
+    "comparisons.json",
     "curves",
     "models",
     "gallery",
@@ -100,26 +104,36 @@ fn execute(
     let stages = Stages::new(spec, options, &events, progress);
     let catalogue = stages.panoramas()?;
     let dataset = stages.dataset(&catalogue)?;
-    let features = stages.features(&dataset)?;
+    let (features, backbone) = stages.features(&dataset)?;
     let spectra = stages.spectra(&dataset)?;
 
-    let data = Arc::new(stages::training_data(&features.value, dataset.value.views())?);
-    let trials = stages.timed("study", spec.search.trials as f64, || trials::search(spec, options, &folder, &data, &stages))?;
-    let best = trials::best(spec, &trials)?;
+    let training = stages::training(spec, &features.value, dataset.value.views())?;
+    let trials = f64::from(spec.search.trials);
+    let searched = stages.timed("study", trials, || trials::search(spec, options, &folder, &training, &stages))?;
     let refits = f64::from(2 * spec.evaluation.refit_seeds);
-    let arms = stages.timed("refit", refits, || arms::refit(spec, options, &folder, &data, best.as_ref(), &stages))?;
+    let heads = stages.timed("refit", refits, || {
+        arms::refit(spec, options, &folder, &training, &searched.best, &stages)
+    })?;
 
     stages.timed("evaluation", 1.0, || {
-        arms::evaluate(spec, &folder, &arms, &features.value, &dataset.value, &spectra.value)
+        arms::evaluate(spec, &folder, &heads, &features.value, &dataset.value, &spectra.value)
     })?;
     stages.timed("report", 1.0, || {
-        describe::write(spec, &folder, &stages, &catalogue.value, &dataset.value, &features, best.as_ref())?;
+        let subject = describe::Subject {
+            spec,
+            catalogue: &catalogue.value,
+            dataset: &dataset.value,
+            features: &features.value,
+            trials: &searched.trials,
+            network: &searched.best.0,
+        };
+        describe::write(&folder, &subject, backbone.parameters())?;
         gallery::write(spec, &folder, &catalogue.value, &dataset.value)?;
         outputs::write(&folder)
     })?;
     outputs::write_durations(&folder)?;
     events.tell("run_finished", &serde_json::json!({ "run": folder.path() }))?;
-    remove_checkpoints(&folder, spec.search.trials)?;
+    store::remove_dir(&folder.join("checkpoints"))?;
     Ok(folder.finish(&EXACT)?)
 }
 
@@ -130,23 +144,11 @@ fn describe_run(experiment: &LoadedExperiment, options: &Options, folder: &RunFo
     Ok(write_json(&folder.join("provenance.json"), &provenance)?)
 }
 
-/// Checkpoints are for going on; a finished run has no use for them.
-fn remove_checkpoints(folder: &RunFolder, trials: u32) -> Result<(), Error> {
-    for number in 0..trials {
-        store::remove_dir(&trials::folder(folder.path(), number).join("checkpoint"))?;
-    }
-    Ok(store::remove_dir(&folder.join("checkpoints"))?)
-}
-
-/// Name of the refit `index` of `arm` in file names.
-fn refit_name(arm: Arm, index: u32) -> String {
-    let arm = match arm {
-        Arm::Baseline => "baseline",
-        Arm::Tuned => "tuned",
-        Arm::PredictMean => "predict_mean",
-        Arm::SpectrumControl => "spectrum_control",
-    };
-    format!("{arm}-{index}")
+/// What trials and refits are trained on.
+#[derive(Debug)]
+struct Training {
+    data: TrainingData,
+    coding: Coding,
 }
 
 /// Where weights files are looked for: the cache, then the development data.

@@ -11,13 +11,13 @@ use crate::figures;
 use crate::report::{self, TableView};
 use crate::store::{self, RunFolder, write_json};
 use crate::tables::artefacts::RunArtefacts;
-use crate::tables::{self, Table};
+use crate::tables::{self, Cell, Table};
 
 /// Writes `tables/`, `figures/` and `report.html` from the run's artefacts.
 pub(super) fn write(folder: &RunFolder) -> Result<(), Error> {
     let run = RunArtefacts::read(folder.path())?;
     let shown = match run.experiment.report.tables {
-        Selection::All => tables::all(&run)?,
+        Selection::All => tables::tables(&run)?,
         Selection::None => Vec::new(),
     };
     tables::write(&folder.join("tables"), &shown)?;
@@ -33,10 +33,11 @@ pub(super) fn write(folder: &RunFolder) -> Result<(), Error> {
 
 fn view(table: &Table) -> TableView {
     TableView {
+        name: table.id.clone(),
         title: table.heading(),
-        note: table.note.clone(),
-        columns: table.columns.clone(),
-        rows: table.rows.iter().map(|row| row.iter().map(ToString::to_string).collect()).collect(),
+        note: table.notes.join(" "),
+        columns: table.columns.iter().map(|c| c.title.clone()).collect(),
+        rows: table.rows.iter().map(|row| row.iter().map(Cell::shown).collect()).collect(),
     }
 }
 

@@ -1,13 +1,14 @@
 //! The stages whose results runs share: panoramas, dataset, features, spectra.
 
 use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Instant;
 
 use rayon::prelude::*;
 use serde::Serialize;
 use serde_json::json;
 
-use super::{Error, Options};
+use super::{Error, Options, Training};
 use crate::backbone::{self, Backbone, WeightsSource};
 use crate::config::spec::{Experiment, PanoramaSource};
 use crate::dataset::{self, Dataset, Subset, View};
@@ -45,6 +46,8 @@ pub(super) struct Stages<'a> {
     events: &'a Events,
     rates: Mutex<Rates>,
     pub progress: &'a dyn Progress,
+    /// Set by a worker that failed, so that the others end at their next step.
+    stopped: AtomicBool,
 }
 
 impl<'a> Stages<'a> {
@@ -55,7 +58,17 @@ impl<'a> Stages<'a> {
         progress: &'a dyn Progress,
     ) -> Self {
         let rates = Mutex::new(Rates::read(&options.cache));
-        Self { spec, options, cache: Cache::new(&options.cache), events, rates, progress }
+        Self { spec, options, cache: Cache::new(&options.cache), events, rates, progress, stopped: AtomicBool::new(false) }
+    }
+
+    /// Has all workers stop at their next step.
+    pub(super) fn stop(&self) {
+        self.stopped.store(true, Ordering::SeqCst);
+    }
+
+    /// Whether the user has asked to stop, or a worker has failed.
+    pub(super) fn interrupted(&self) -> bool {
+        self.stopped.load(Ordering::SeqCst) || self.progress.interrupted()
     }
 
     /// Executes `work`, tells the log how long it took, and remembers it for estimates.
@@ -119,17 +132,18 @@ impl<'a> Stages<'a> {
         let key = catalogue.artefact.derive_key(DATASET, &dataset_key_parts(self.spec))?;
         let artefact = self.artefact(("dataset", DATASET), &key, views.len() as f64, |writer| {
             let pixels = |id: &str| {
-                catalogue.value.pixels(id).ok_or_else(|| dataset::Error::UnknownPanorama { id: id.to_owned() })
+                let missing = || dataset::Error::Panorama { panorama: id.to_owned(), source: "it is not in the catalogue".into() };
+                catalogue.value.pixels(id).ok_or_else(missing)
             };
             Ok(dataset::write(writer, &views, &self.spec.dataset, &pixels, self.progress)?)
         })?;
         let value = Dataset::open(&artefact)?;
-        dataset::check_no_leak(value.views(), panoramas)?;
+        dataset::check_no_leak(panoramas, &subsets, value.views())?;
         Ok(Made { artefact, value })
     }
 
     /// Outputs of the frozen backbone for each copy of each view.
-    pub(super) fn features(&self, dataset: &Made<Dataset>) -> Result<Made<FeatureSet>, Error> {
+    pub(super) fn features(&self, dataset: &Made<Dataset>) -> Result<(Made<FeatureSet>, Backbone), Error> {
         let mut backbone = Self::load_backbone(self.spec, self.options)?;
         let key = dataset.artefact.derive_key(FEATURES, &features_key_parts(self.spec, &backbone))?;
         let rows = feature_rows(dataset.value.views(), self.spec.augment.copies);
@@ -141,7 +155,7 @@ impl<'a> Stages<'a> {
             Ok(features::write(writer, &backbone, &rows, &image, self.progress)?)
         })?;
         let value = FeatureSet::open(&artefact)?;
-        Ok(Made { artefact, value })
+        Ok((Made { artefact, value }, backbone))
     }
 
     /// The backbone of the experiment, its weights checked against their description.
@@ -150,10 +164,10 @@ impl<'a> Stages<'a> {
     }
 
     fn network_input(&self, dataset: &Dataset, row: FeatureRow) -> Vec<u8> {
-        let side = dataset.image_px();
-        let plain = dataset.pixels(row.view);
+        let side = dataset.image_px() as usize;
+        let plain = dataset.pixels(row.view as usize);
         let changed = dataset::augmented(plain, side, &self.spec.augment, self.spec.seed, row.view, row.copy);
-        dataset::resample(&changed, side, self.spec.backbone.input_px)
+        dataset::resample(&changed, side, self.spec.backbone.input_px as usize)
     }
 
     /// The same number of plain training views, spread over the subset, whatever its size.
@@ -172,7 +186,7 @@ impl<'a> Stages<'a> {
         let views = dataset.value.views();
         let artefact = self.artefact(("spectra", SPECTRA), &key, views.len() as f64, |writer| {
             self.progress.begin("spectra", views.len() as u64);
-            let side = dataset.value.image_px();
+            let (side, resolution) = (dataset.value.image_px() as usize, self.spec.dataset.resolution);
             let spectra: Result<Vec<Vec<f64>>, Error> = views
                 .par_iter()
                 .map(|view| {
@@ -180,7 +194,7 @@ impl<'a> Stages<'a> {
                         return Err(Error::Interrupted);
                     }
                     self.progress.advance(1);
-                    Ok(dataset::radial_log_power(dataset.value.pixels(view.index), side, bins as usize))
+                    Ok(dataset::radial_log_power(dataset.value.pixels(view.index as usize), side, resolution, bins as usize))
                 })
                 .collect();
             self.progress.end();
@@ -247,7 +261,40 @@ pub(super) fn feature_rows(views: &[View], copies: u32) -> Vec<FeatureRow> {
 }
 
 /// Standardised features with labels, shared by all trials and refits.
-pub(super) fn training_data(spec: &Experiment, features: &FeatureSet, views: &[View]) -> Result<TrainingData, Error> {
+pub(super) fn training(spec: &Experiment, features: &FeatureSet, views: &[View]) -> Result<Training, Error> {
     let coding = Coding::new(spec.network.labels, &spec.dataset.focal_px, &spec.dataset.distortion);
-    Ok(TrainingData::new(features.all(), features.dim(), features.rows(), views, coding)?)
+    let data = TrainingData::build(features.all(), features.dim(), features.rows(), views)?;
+    Ok(Training { data, coding })
+}
+
+/// The epochs of one training as part of those of all.
+pub(super) struct Epochs<'a> {
+    stages: &'a Stages<'a>,
+    left: AtomicU64,
+}
+
+impl<'a> Epochs<'a> {
+    /// A training of at most `epochs` epochs.
+    pub(super) fn new(stages: &'a Stages<'a>, epochs: u32) -> Self {
+        Self { stages, left: AtomicU64::new(epochs.into()) }
+    }
+
+    /// The training ended: the epochs that it did not need are done, too.
+    pub(super) fn finish(&self) {
+        self.stages.progress.advance(self.left.swap(0, Ordering::Relaxed));
+    }
+}
+
+impl Progress for Epochs<'_> {
+    fn begin(&self, _: &str, _: u64) {}
+    fn advance(&self, by: u64) {
+        let before = self.left.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |n| Some(n.saturating_sub(by)));
+        self.stages.progress.advance(by.min(before.unwrap_or(0)));
+    }
+    fn advance_outer(&self, _: u64) {}
+    fn note(&self, _: &str) {}
+    fn end(&self) {}
+    fn interrupted(&self) -> bool {
+        self.stages.interrupted()
+    }
 }

@@ -27,7 +27,7 @@ pub fn run_suite(suite: &LoadedSuite, options: &Options, progress: &dyn Progress
         runs.push(run(member, options, progress)?.folder);
     }
     let artefacts = runs.iter().map(|r| RunArtefacts::read(r)).collect::<Result<Vec<_>, _>>()?;
-    tables::write(&folder.join("tables"), &tables::suite(&artefacts)?)?;
+    tables::write(&folder.join("tables"), &tables::suite_tables(&artefacts)?)?;
     let names: Vec<String> = runs.iter().map(|r| relative(r, options)).collect();
     write_json(&folder.join("runs.json"), &names)?;
     Ok(Finished { folder: folder.finish(&["tables", "runs.json"])?, already: false })

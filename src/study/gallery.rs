@@ -1,0 +1,115 @@
+//! The pictures of Figures 3 and 4: a panorama, views of it over f and ξ, and views of the dataset.
+
+use super::Error;
+use crate::camera::Camera;
+use crate::config::spec::{DatasetSpec, Experiment};
+use crate::dataset::{self, Dataset, Subset, View};
+use crate::panorama::{Catalogue, Equirect};
+use crate::rng;
+use crate::store::RunFolder;
+use crate::tables::artefacts::{Gallery, GalleryView, Picture};
+use crate::tables::write_gallery;
+
+/// Focal lengths (columns) and distortions (rows) of Figure 3.
+const COLUMNS: usize = 4;
+const ROWS: usize = 3;
+/// Views of Figure 4.
+const SAMPLES: usize = 12;
+/// Widest panorama that is shown.
+const SHOWN_WIDTH: usize = 1024;
+
+/// Writes `gallery.json` and `gallery/`.
+pub(super) fn write(
+    spec: &Experiment,
+    folder: &RunFolder,
+    catalogue: &Catalogue,
+    dataset: &Dataset,
+) -> Result<(), Error> {
+    let mut draw = rng::stream(spec.seed, "gallery", &[], "choice");
+    let panoramas = catalogue.panoramas();
+    let chosen = &panoramas[draw.below(panoramas.len() as u64) as usize];
+    let unknown = || Error::Damaged { path: folder.join("gallery"), reason: format!("no pixels of {}", chosen.name) };
+    let image = catalogue.pixels(&chosen.id).ok_or_else(unknown)?;
+    let views = grid_views(&spec.dataset, &chosen.id);
+    let pictures = dataset::render_views(&image, &views, &spec.dataset);
+    let side = dataset.image_px();
+    let grid = views.iter().zip(pictures).enumerate().map(|(i, (view, rgb))| GalleryView {
+        f_px: view.f_px,
+        xi: view.xi,
+        view: None,
+        file: format!("grid_{i:02}.png"),
+        image: Picture { width: side, height: side, rgb },
+    });
+    let gallery = Gallery {
+        panorama: chosen.name.clone(),
+        panorama_image: shown(image),
+        grid: grid.collect(),
+        samples: samples(dataset, &mut draw),
+    };
+    Ok(write_gallery(folder.path(), &gallery)?)
+}
+
+/// The same pose under a grid of cameras, all of which see something at every pixel.
+fn grid_views(spec: &DatasetSpec, panorama: &str) -> Vec<View> {
+    let (low, high) = (shortest_valid(spec), spec.focal_px.high);
+    let at = |low: f64, high: f64, i: usize, n: usize| low + (high - low) * i as f64 / (n - 1) as f64;
+    let cells = (0..ROWS).flat_map(|row| (0..COLUMNS).map(move |column| (row, column)));
+    let view = |(row, column): (usize, usize)| View {
+        index: (row * COLUMNS + column) as u32,
+        panorama: panorama.to_owned(),
+        subset: Subset::Train,
+        f_px: at(low, high, column, COLUMNS).round(),
+        xi: at(spec.distortion.low, spec.distortion.high, row, ROWS),
+        yaw_deg: 0.0,
+        pitch_deg: 0.0,
+        roll_deg: 0.0,
+    };
+    cells.map(view).collect()
+}
+
+/// The shortest focal length with which the strongest distortion is valid in the whole image.
+fn shortest_valid(spec: &DatasetSpec) -> f64 {
+    let (low, high, side) = (spec.focal_px.low, spec.focal_px.high, f64::from(spec.image_px));
+    let steps = 128;
+    let candidates = (0..steps).map(|i| (low + (high - low) * f64::from(i) / f64::from(steps)).ceil());
+    let valid = |f: &f64| Camera::centred(*f, spec.distortion.high, side).whole_image_valid(side, side);
+    candidates.into_iter().find(valid).unwrap_or(high)
+}
+
+fn samples(dataset: &Dataset, draw: &mut rng::Stream) -> Vec<GalleryView> {
+    let mut views: Vec<&View> = dataset.views().iter().collect();
+    draw.shuffle(&mut views);
+    let mut seen: Vec<&str> = Vec::new();
+    views.retain(|v| {
+        let new = !seen.contains(&v.panorama.as_str());
+        seen.push(&v.panorama);
+        new
+    });
+    views.truncate(SAMPLES);
+    let side = dataset.image_px();
+    let sample = |(i, view): (usize, &View)| GalleryView {
+        f_px: view.f_px,
+        xi: view.xi,
+        view: Some(view.clone()),
+        file: format!("sample_{i:02}.png"),
+        image: Picture { width: side, height: side, rgb: dataset.pixels(view.index as usize).to_vec() },
+    };
+    views.into_iter().enumerate().map(sample).collect()
+}
+
+/// The panorama, made smaller by averaging whole blocks until it is at most [`SHOWN_WIDTH`] wide.
+fn shown(image: Equirect<'_>) -> Picture {
+    let factor = image.width.div_ceil(SHOWN_WIDTH);
+    let (width, height) = (image.width / factor, image.height / factor);
+    let mut rgb = Vec::with_capacity(3 * width * height);
+    for y in 0..height {
+        for x in 0..width {
+            for c in 0..3 {
+                let block = (0..factor * factor).map(|i| (x * factor + i % factor, y * factor + i / factor));
+                let sum: usize = block.map(|(u, v)| image.rgb[3 * (v * image.width + u) + c] as usize).sum();
+                rgb.push(((sum + factor * factor / 2) / (factor * factor)) as u8);
+            }
+        }
+    }
+    Picture { width: width as u32, height: height as u32, rgb }
+}

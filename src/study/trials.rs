@@ -1,0 +1,253 @@
+//! The study stage: trials trained side by side, each recorded as soon as it ends.
+
+use std::path::{Path, PathBuf};
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use super::stages::{Epochs, Stages};
+use super::{Error, Options, Training};
+use crate::config::spec::{Experiment, NetworkSpec, TrainSpec};
+use crate::rng::derive_seed;
+use crate::search::study::Rules;
+use crate::search::{self, Assignment, Outcome, Space, Study, Ticket, Trial, TrialState};
+use crate::store::{self, RunFolder, write_json};
+use crate::tables::artefacts::{ImportanceRow, ParamValue, TrialArtefact};
+use crate::tables::{write_importance, write_trial};
+use crate::train::{self, EpochRecord, Fitted, Job, Observer, Stopped, Verdict, fit};
+
+/// The record from which a study goes on; written last, so a trial with it is finished.
+const RECORD: &str = "record.json";
+/// How long a worker waits before it looks again whether it should stop.
+const PATIENCE: Duration = Duration::from_millis(200);
+
+/// The best trial's hyper-parameters and all trials.
+pub(super) struct Searched {
+    pub trials: Vec<TrialArtefact>,
+    pub best: (NetworkSpec, TrainSpec),
+}
+
+/// Folder of the trial `number` of the run in `run`.
+pub(super) fn folder(run: &Path, number: u32) -> PathBuf {
+    run.join("trials").join(format!("{number:04}"))
+}
+
+/// How many of `trials` trials of the run in `run` are finished.
+pub(super) fn finished(run: &Path, trials: u32) -> u32 {
+    (0..trials).filter(|n| folder(run, *n).join(RECORD).is_file()).count() as u32
+}
+
+/// Runs the study, or goes on with it.
+pub(super) fn search(
+    spec: &Experiment,
+    options: &Options,
+    run: &RunFolder,
+    training: &Training,
+    stages: &Stages,
+) -> Result<Searched, Error> {
+    let records = records(run.path(), spec.search.trials)?;
+    let done = records.len() as u64;
+    let rules = Rules::from_spec(&spec.search, derive_seed(spec.seed, "study", &[]));
+    let study = Study::resume(Space::from_spec(&spec.search.space)?, rules, records)?;
+    let epochs = u64::from(spec.train.epochs);
+    stages.progress.begin("trials", spec.search.trials.into());
+    stages.progress.advance(done);
+    stages.progress.begin("epochs", epochs * u64::from(spec.search.trials));
+    stages.progress.advance(done * epochs);
+    let office = Office { spec, run: run.path(), training, stages, study: Mutex::new(study), changed: Condvar::new() };
+    let workers = options.threads.min(spec.search.concurrency as usize).max(1);
+    let result = side_by_side(workers, || office.work());
+    stages.progress.end();
+    stages.progress.end();
+    result?;
+    office.finish()
+}
+
+/// Runs `work` in `n` threads and returns the error that made them end, if there was one.
+pub(super) fn side_by_side(n: usize, work: impl Fn() -> Result<(), Error> + Sync) -> Result<(), Error> {
+    std::thread::scope(|scope| {
+        let workers: Vec<_> = (0..n).map(|_| scope.spawn(&work)).collect();
+        let results = workers.into_iter().map(|w| w.join().unwrap_or(Err(Error::Worker)));
+        let errors: Vec<Error> = results.filter_map(Result::err).collect();
+        // The others were only asked to stop.
+        let cause = errors.iter().position(|e| !matches!(e, Error::Interrupted)).unwrap_or(0);
+        errors.into_iter().nth(cause).map_or(Ok(()), Err)
+    })
+}
+
+fn records(run: &Path, trials: u32) -> Result<Vec<Trial>, Error> {
+    let mut records = Vec::new();
+    for number in 0..trials {
+        let path = folder(run, number).join(RECORD);
+        if path.is_file() {
+            let record = serde_json::from_slice(&store::read(&path)?);
+            records.push(record.map_err(|e| Error::Damaged { path, reason: e.to_string() })?);
+        }
+    }
+    Ok(records)
+}
+
+/// What the workers of a study share.
+struct Office<'a> {
+    spec: &'a Experiment,
+    run: &'a Path,
+    training: &'a Training,
+    stages: &'a Stages<'a>,
+    study: Mutex<Study>,
+    changed: Condvar,
+}
+
+impl Office<'_> {
+    fn study(&self) -> MutexGuard<'_, Study> {
+        self.study.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Takes and evaluates trials until there are none left.
+    fn work(&self) -> Result<(), Error> {
+        while let Some(ticket) = self.next()? {
+            let evaluated = self.evaluate(&ticket);
+            if let Err(error) = evaluated {
+                self.study().release(ticket.number)?;
+                self.stages.stop();
+                return Err(error);
+            }
+            self.changed.notify_all();
+        }
+        Ok(())
+    }
+
+    fn next(&self) -> Result<Option<Ticket>, Error> {
+        let mut study = self.study();
+        loop {
+            if self.stages.interrupted() {
+                return Err(Error::Interrupted);
+            }
+            if let Some(ticket) = study.next_trial() {
+                return Ok(Some(ticket));
+            }
+            if study.is_done() {
+                return Ok(None);
+            }
+            study = self.changed.wait_timeout(study, PATIENCE).unwrap_or_else(PoisonError::into_inner).0;
+        }
+    }
+
+    fn evaluate(&self, ticket: &Ticket) -> Result<(), Error> {
+        let number = ticket.number;
+        let (network, train) = search::apply(&ticket.assignments, &self.spec.network, &self.spec.train)?;
+        let checkpoint = folder(self.run, number).join("checkpoint");
+        let job = Job {
+            network: &network,
+            train: &train,
+            coding: &self.training.coding,
+            data: &self.training.data,
+            seed: derive_seed(self.spec.seed, "trial", &[number.into()]),
+            checkpoint: Some(&checkpoint),
+        };
+        let epochs = Epochs::new(self.stages, train.epochs);
+        let mut judge = Judge { office: self, number, error: None };
+        let fitted = fit(&job, &mut judge, &epochs);
+        if let Some(error) = judge.error {
+            return Err(error);
+        }
+        let (outcome, fitted) = match fitted {
+            Ok(fitted) if fitted.stopped == Stopped::Pruned => (Outcome::Pruned, Some(fitted)),
+            Ok(fitted) => (Outcome::Complete(fitted.best_objective), Some(fitted)),
+            Err(diverged @ train::Error::Diverged { .. }) => (Outcome::Failed(diverged.to_string()), None),
+            Err(train::Error::Interrupted) => return Err(Error::Interrupted),
+            Err(other) => return Err(other.into()),
+        };
+        let record = self.study().tell(number, outcome)?.clone();
+        self.write(&record, fitted.as_ref())?;
+        store::remove_dir(&checkpoint)?;
+        epochs.finish();
+        self.stages.progress.advance_outer(1);
+        self.tell_best(&record);
+        Ok(())
+    }
+
+    fn write(&self, record: &Trial, fitted: Option<&Fitted>) -> Result<(), Error> {
+        let shown = TrialArtefact {
+            number: record.number,
+            state: record.state,
+            params: record.params.iter().map(|p| ParamValue { name: p.name.clone(), value: p.value() }).collect(),
+            value: record.value.filter(|_| record.state == TrialState::Complete),
+            reason: record.reason.clone(),
+            best_epoch: fitted.filter(|_| record.state == TrialState::Complete).map(|f| f.best_epoch),
+            curve: fitted.map(|f| f.curve.clone()).unwrap_or_default(),
+        };
+        write_trial(self.run, &shown)?;
+        Ok(write_json(&folder(self.run, record.number).join(RECORD), record)?)
+    }
+
+    fn tell_best(&self, record: &Trial) {
+        let study = self.study();
+        let best = study.best().and_then(|t| t.value.map(|v| format!("best {v:.5} (trial {})", t.number)));
+        let state = match record.state {
+            TrialState::Complete => record.value.map_or_else(String::new, |v| format!("{v:.5}")),
+            TrialState::Pruned => "pruned".to_owned(),
+            _ => format!("failed: {}", record.reason.as_deref().unwrap_or("no reason given")),
+        };
+        let best = best.unwrap_or_else(|| "no value yet".to_owned());
+        self.stages.progress.note(&format!("trial {}: {state}; {best}", record.number));
+    }
+
+    /// Importance, and the best trial's hyper-parameters.
+    fn finish(self) -> Result<Searched, Error> {
+        let study = self.study.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let records: Vec<Trial> = study.finished().cloned().collect();
+        let importance = search::importance(&records, derive_seed(self.spec.seed, "importance", &[]));
+        let rows: Vec<ImportanceRow> = importance.into_iter().map(importance_row).collect();
+        write_importance(self.run, &rows)?;
+        let best = study.best().ok_or_else(|| no_value(&records))?;
+        let assignments: &[Assignment] = study.assignments(best.number).unwrap_or_default();
+        let best = search::apply(assignments, &self.spec.network, &self.spec.train)?;
+        let trials = records.iter().map(|r| self::shown(self.run, r)).collect::<Result<_, Error>>()?;
+        Ok(Searched { trials, best })
+    }
+}
+
+fn importance_row(i: search::Importance) -> ImportanceRow {
+    ImportanceRow { name: i.name, value: i.value, low: i.low, high: i.high }
+}
+
+fn shown(run: &Path, record: &Trial) -> Result<TrialArtefact, Error> {
+    let path = folder(run, record.number).join("params.json");
+    serde_json::from_slice(&store::read(&path)?).map_err(|e| Error::Damaged { path, reason: e.to_string() })
+}
+
+fn no_value(records: &[Trial]) -> Error {
+    let reason = records.iter().find_map(|r| r.reason.clone()).unwrap_or_else(|| "all were pruned".to_owned());
+    Error::NoTrial { trials: records.len() as u32, reason }
+}
+
+/// Passes a trial's epochs to the study, which may end it.
+struct Judge<'a> {
+    office: &'a Office<'a>,
+    number: u32,
+    error: Option<Error>,
+}
+
+impl Judge<'_> {
+    fn report(&mut self, record: &EpochRecord) -> Verdict {
+        match self.office.study().should_prune(self.number, record.epoch.into(), record.objective) {
+            Ok(false) => Verdict::Continue,
+            Ok(true) => Verdict::Prune,
+            Err(error) => {
+                self.error = Some(error.into());
+                Verdict::Prune
+            }
+        }
+    }
+}
+
+impl Observer for Judge<'_> {
+    fn epoch(&mut self, record: &EpochRecord) -> Verdict {
+        self.report(record)
+    }
+
+    fn resumed(&mut self, curve: &[EpochRecord]) {
+        for record in curve {
+            self.report(record);
+        }
+    }
+}
