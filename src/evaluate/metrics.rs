@@ -99,6 +99,9 @@ impl Method {
 /// choice of scenes matters, and the spread of the refits' rows how much the seed does. Resampling
 /// cannot see beyond the largest error, so the interval of `max` ends there (and that of `min` begins).
 ///
+/// For scale, field of view and bearing, an estimate outside the camera model (f < 1 px, ξ < 0) is moved to
+/// its edge.
+///
 /// # Errors
 /// No prediction on the subset, an estimate that is not finite, or refits with different views.
 pub fn rows(

@@ -3,15 +3,16 @@
 use super::artefacts::RunArtefacts;
 use super::model::{Cell, Column, Table};
 use super::values::{
-    arm_name, decimals, estimate, metric_name, population, quantity_name, row, subset_name, unit_note,
+    arm_name, decimals, estimate, metric_name, percent, population, quantity_name, row, subset_name, unit_note,
 };
 use crate::dataset::Subset;
 use crate::evaluate::{Arm, Comparison, Metric, Quantity, objective};
 use crate::search::TrialState;
 
-/// Paired differences of MAE between networks and controls on the test subset.
-pub(super) fn controls(run: &RunArtefacts) -> Table {
-    let shown = |c: &&Comparison| c.subset == Subset::Test && c.metric == Metric::Mae;
+/// Paired differences of MAE between networks and controls on the test subset, for the given quantities.
+pub(super) fn controls(run: &RunArtefacts, quantities: &[Quantity]) -> Table {
+    let wanted =
+        |c: &&Comparison| c.subset == Subset::Test && c.metric == Metric::Mae && quantities.contains(&c.quantity);
     Table {
         id: "controls".to_owned(),
         number: None,
@@ -26,12 +27,12 @@ pub(super) fn controls(run: &RunArtefacts) -> Table {
             Column::text("excludes_zero", "Excludes 0"),
             Column::estimate("reduction_percent", "Reduction (%)"),
         ],
-        rows: run.comparisons.iter().filter(shown).map(control_row).collect(),
+        rows: run.comparisons.iter().filter(wanted).map(control_row).collect(),
         notes: vec![
             format!(
                 "Difference = MAE of the arm − MAE of the other, paired by view: negative means that the arm is better. \
                  In brackets the {} % interval, bootstrapped over panoramas jointly for both.",
-                100.0 * run.experiment.evaluation.confidence
+                percent(run.experiment.evaluation.confidence)
             ),
             unit_note(run),
         ],
@@ -137,7 +138,7 @@ mod tests {
 
     #[test]
     fn controls_say_who_is_better() {
-        let table = controls(&run());
+        let table = controls(&run(), &Quantity::ALL);
         let row = table.rows.iter().map(|row| row.iter().map(Cell::shown).collect::<Vec<_>>());
         let f: Vec<Vec<String>> = row.filter(|row| row[0].starts_with("focal")).collect();
         assert_eq!(f.len(), 5);
@@ -161,6 +162,7 @@ mod tests {
     fn the_end_of_a_run_shows_results_and_warnings() {
         let text = terminal(&run()).unwrap();
         assert!(text.contains("Table 5.") && text.contains("Table 7.") && text.contains("Excludes 0"));
+        assert!(!text.contains("bearing"));
         assert!(text.ends_with("warning: the features are random\n"));
     }
 }

@@ -188,6 +188,11 @@ fn number(x: f64) -> String {
     }
 }
 
+/// An end of a logarithmic range, e.g. `1e-2`.
+fn powers_of_ten(x: f64) -> String {
+    if x < 0.1 { format!("{x:e}") } else { number(x) }
+}
+
 fn type_name(kind: ParameterType) -> &'static str {
     match kind {
         ParameterType::Float => "float",
@@ -213,12 +218,10 @@ fn printed_space(p: &Parameter) -> String {
 
 fn range(ends: [Option<f64>; 2], choices: &[String], log: bool, step: Option<f64>, conditions: Vec<String>) -> String {
     let mut text = match ends {
+        [Some(low), Some(high)] if log => format!("{} – {} (log)", powers_of_ten(low), powers_of_ten(high)),
         [Some(low), Some(high)] => format!("{} – {}", number(low), number(high)),
         _ => format!("[{}]", choices.join(", ")),
     };
-    if log {
-        text.push_str(" (log)");
-    }
     if let Some(step) = step {
         text.push_str(&format!(", step {}", number(step)));
     }
@@ -257,7 +260,7 @@ mod tests {
         assert_eq!(line(&rows, "n_layers_hidden"), ["2 – 12", "int", "6", "3"]);
         assert_eq!(line(&rows, "n_neurons_layer_i"), ["32 – 256", "int", "128", "96 (200, 96, 64)"]);
         assert_eq!(line(&rows, "activation_layer_i")[3], "relu (relu, tanh, relu)");
-        assert_eq!(line(&rows, "learning_rate"), ["1e-5 – 0.01 (log)", "float", "1e-3", "7.342e-4"]);
+        assert_eq!(line(&rows, "learning_rate"), ["1e-5 – 1e-2 (log)", "float", "1e-3", "7.342e-4"]);
         assert_eq!(line(&rows, "momentum"), ["0 – 0.9, if optimizer = sgd", "float", "0.8†", "n/a (adam)"]);
         assert_eq!(line(&rows, "n_neurons_layer_2"), ["–", "int", "–", "64"]);
     }

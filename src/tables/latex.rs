@@ -7,7 +7,8 @@ use super::model::{Cell, FLAG, Kind, Table};
 /// Characters that pdfLaTeX has no glyph for are written as their code points.
 pub fn latex(table: &Table) -> String {
     let align: String = table.columns.iter().map(|column| if column.kind == Kind::Text { 'l' } else { 'r' }).collect();
-    let mut text = String::from("\\begin{table}[tb]\n\\centering\\footnotesize\\setlength{\\tabcolsep}{3pt}\n");
+    let size = if widest_row(table) > 90 { "\\scriptsize" } else { "\\footnotesize" };
+    let mut text = format!("\\begin{{table}}[tb]\n\\centering{size}\\setlength{{\\tabcolsep}}{{3pt}}\n");
     text.push_str(&format!("\\caption{{{}.}}\n\\label{{tab:{}}}\n", escape(&table.title), label(&table.id)));
     text.push_str(&format!("\\begin{{tabular}}{{{align}}}\n\\toprule\n"));
     text.push_str(&line(table.columns.iter().map(|column| escape(&column.title))));
@@ -24,6 +25,12 @@ pub fn latex(table: &Table) -> String {
     }
     text.push_str("\\end{table}\n");
     text
+}
+
+/// Characters of the widest row as it is shown.
+fn widest_row(table: &Table) -> usize {
+    let width = |row: &Vec<Cell>| row.iter().map(|cell| cell.shown().chars().count()).sum();
+    table.rows.iter().map(width).max().unwrap_or(0)
 }
 
 /// A row that begins with a bracket would be taken for an argument of the `\\` before it.
@@ -60,6 +67,7 @@ fn escape_character(c: char) -> String {
         '"' => "\\textquotedblright{}".to_owned(),
         '&' | '%' | '$' | '#' | '_' | '{' | '}' => format!("\\{c}"),
         '\n' | '\r' | '\t' => " ".to_owned(),
+        '`' => "'".to_owned(),
         '–' => "--".to_owned(),
         '—' => "---".to_owned(),
         '…' => "\\dots{}".to_owned(),

@@ -1,5 +1,6 @@
 //! Where the artefacts of a run lie in its folder, and how they are read and written.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use serde::de::DeserializeOwned;
@@ -136,12 +137,13 @@ impl RunArtefacts {
                 return Err(ReadError::NotARun { file: name.into(), run: run.to_owned() });
             }
         }
+        let sums = Checksums::read(run)?;
         let mut artefacts = Self {
             experiment: read_yaml(&run.join("resolved.yaml"))?,
             metrics: read_metrics(&run.join("metrics.json"))?,
             comparisons: existing(&run.join("comparisons.json"), |p| Ok(read_comparisons(p)?))?.unwrap_or_default(),
             predictions: Default::default(),
-            trials: read_trials(run)?,
+            trials: read_trials(run, &sums)?,
             importance: read_json(&run.join(TRIALS).join("importance.json"))?.unwrap_or_default(),
             layers: read_json(&run.join("network.json"))?.unwrap_or_default(),
             refit_curves: Default::default(),
@@ -151,11 +153,11 @@ impl RunArtefacts {
             provenance: read_json(&run.join("provenance.json"))?.unwrap_or_default(),
         };
         for arm in Arm::ALL {
-            if let Some(refits) = existing(&predictions_path(run, arm), |p| Ok(read_predictions(p)?))? {
+            if let Some(refits) = sums.parquet(&predictions_path(run, arm), read_predictions)? {
                 artefacts.predictions.insert(arm, refits);
             }
             let mut curves = Vec::new();
-            while let Some(curve) = existing(&refit_curve_path(run, arm, curves.len()), |p| Ok(read_curve(p)?))? {
+            while let Some(curve) = sums.parquet(&refit_curve_path(run, arm, curves.len()), read_curve)? {
                 curves.push(curve);
             }
             if !curves.is_empty() {
@@ -163,6 +165,39 @@ impl RunArtefacts {
             }
         }
         Ok(artefacts)
+    }
+}
+
+/// What `SHA256SUMS` says of the run's files; nothing while the run is under way.
+struct Checksums {
+    sums: BTreeMap<PathBuf, String>,
+}
+
+impl Checksums {
+    fn read(run: &Path) -> Result<Self, ReadError> {
+        let text = existing(&run.join("SHA256SUMS"), |p| Ok(store::read_to_string(p)?))?.unwrap_or_default();
+        let entry = |line: &str| {
+            let (sum, name) = line.split_once(' ')?;
+            Some((run.join(name.trim_start_matches([' ', '*'])), sum.to_owned()))
+        };
+        Ok(Self { sums: text.lines().filter_map(entry).collect() })
+    }
+
+    /// Reads a Parquet file, if it exists. Damaged bytes can make the decoder ask for more memory than there is,
+    /// which ends the program; so the checksum, where there is one, is looked at first.
+    fn parquet<T>(
+        &self,
+        path: &Path,
+        read: impl FnOnce(&Path) -> Result<T, FileError>,
+    ) -> Result<Option<T>, ReadError> {
+        existing(path, |path| {
+            if let Some(sum) = self.sums.get(path)
+                && store::hash_file(path)?.as_str() != sum
+            {
+                return Err(damaged(path, &"its checksum is not the one in SHA256SUMS"));
+            }
+            Ok(read(path)?)
+        })
     }
 }
 
@@ -188,7 +223,7 @@ pub(super) fn damaged(path: &Path, reason: &dyn std::fmt::Display) -> ReadError 
 }
 
 /// Trials in order of number; folders without `params.json` belong to trials under way.
-fn read_trials(run: &Path) -> Result<Vec<TrialArtefact>, ReadError> {
+fn read_trials(run: &Path, sums: &Checksums) -> Result<Vec<TrialArtefact>, ReadError> {
     let folder = run.join(TRIALS);
     let entries = match std::fs::read_dir(&folder) {
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
@@ -198,7 +233,7 @@ fn read_trials(run: &Path) -> Result<Vec<TrialArtefact>, ReadError> {
     for entry in entries {
         let path = entry.map_err(|e| store::Error::io("read", &folder, e))?.path();
         if let Some(mut trial) = read_json::<TrialArtefact>(&path.join("params.json"))? {
-            trial.curve = existing(&path.join("curve.parquet"), |p| Ok(read_curve(p)?))?.unwrap_or_default();
+            trial.curve = sums.parquet(&path.join("curve.parquet"), read_curve)?.unwrap_or_default();
             trials.push(trial);
         }
     }
@@ -290,6 +325,21 @@ mod tests {
             store::write(&path, &whole[..length]).unwrap();
             assert!(RunArtefacts::read(folder.path()).is_err(), "{length} of {} bytes", whole.len());
         }
+    }
+
+    #[test]
+    fn a_flipped_bit_is_found_by_the_checksum() {
+        let folder = written();
+        let name = "predictions/tuned.parquet";
+        let path = folder.path().join(name);
+        let sums = format!("{}  {name}\n", store::hash_file(&path).unwrap());
+        store::write(&folder.path().join("SHA256SUMS"), sums.as_bytes()).unwrap();
+        assert!(RunArtefacts::read(folder.path()).is_ok());
+        let mut bytes = store::read(&path).unwrap();
+        bytes[40] ^= 1;
+        store::write(&path, &bytes).unwrap();
+        let error = RunArtefacts::read(folder.path()).unwrap_err().to_string();
+        assert!(error.contains(name) && error.contains("checksum"), "{error}");
     }
 
     #[test]

@@ -48,7 +48,7 @@ pub fn tables(run: &RunArtefacts) -> Result<Vec<Table>, published::Error> {
         tables.push(predictions::table(run, quantity, published));
         tables.push(errors::with_and_without(run, quantity, published));
     }
-    tables.push(comparisons::controls(run));
+    tables.push(comparisons::controls(run, &Quantity::ALL));
     tables.push(comparisons::summary(run));
     Ok(tables)
 }
@@ -73,9 +73,9 @@ pub fn suite_tables(runs: &[RunArtefacts]) -> Result<Vec<Table>, published::Erro
 pub fn terminal(run: &RunArtefacts) -> Result<String, published::Error> {
     let published = published_for(run)?;
     let shown = [
-        errors::with_and_without(run, Quantity::Xi, published.as_ref()),
+        errors::with_and_without(run, Quantity::Xi, published.as_ref()).without_notes(),
         errors::with_and_without(run, Quantity::FocalPx, published.as_ref()),
-        comparisons::controls(run).without_notes(),
+        comparisons::controls(run, &[Quantity::FocalPx, Quantity::Xi]).without_notes(),
     ];
     let mut text: Vec<String> = shown.iter().map(plain).collect();
     text.extend(run.warnings.iter().map(|warning| format!("warning: {warning}\n")));

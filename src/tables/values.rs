@@ -16,14 +16,16 @@ fn rows(run: &RunArtefacts, subset: Subset, arm: Arm, q: Quantity, m: Metric) ->
     run.metrics.iter().filter(move |r| r.subset == subset && r.arm == arm && r.quantity == q && r.metric == m)
 }
 
-/// A statistic with its spread over refits and its interval over panoramas; one panorama has no interval.
+/// A statistic with its spread over refits and its interval over panoramas. One panorama has no
+/// interval, and extremes have none that means much: resampling never sees beyond them.
 pub(super) fn estimate(run: &RunArtefacts, subset: Subset, arm: Arm, q: Quantity, metric: Metric) -> Cell {
     let Some(row) = row(run, subset, arm, q, metric) else { return Cell::Missing };
     let refits: Vec<f64> = rows(run, subset, arm, q, metric).filter(|r| r.seed.is_some()).map(|r| r.value).collect();
+    let extreme = matches!(metric, Metric::Max | Metric::Min);
     Cell::Estimate {
         value: row.value,
         spread: sample_sd(&refits),
-        interval: (row.n_panoramas > 1).then_some((row.ci_low, row.ci_high)),
+        interval: (row.n_panoramas > 1 && !extreme).then_some((row.ci_low, row.ci_high)),
         decimals: decimals(q),
     }
 }
@@ -82,6 +84,12 @@ pub(super) fn backbone_name(architecture: Architecture) -> &'static str {
     }
 }
 
+/// A share as a percentage with at most one decimal, e.g. `95` or `99.9`.
+pub(super) fn percent(share: f64) -> String {
+    let text = format!("{:.1}", 100.0 * share);
+    text.strip_suffix(".0").map(str::to_owned).unwrap_or(text)
+}
+
 /// What the values of a run are statistics of.
 pub(super) fn population(run: &RunArtefacts) -> String {
     let spec = &run.experiment.evaluation;
@@ -89,9 +97,9 @@ pub(super) fn population(run: &RunArtefacts) -> String {
     let views = tested.map_or("no views".to_owned(), |r| format!("{} views of {} panoramas", r.n_views, r.n_panoramas));
     format!(
         "This run: the whole test subset ({views}); mean ± standard deviation over {} refits with fresh seeds; \
-         in brackets the {} % interval, bootstrapped over panoramas. Backbone {}, weights `{}`.",
+         in brackets the {} % interval, bootstrapped over panoramas. Backbone {}, weights {}.",
         spec.refit_seeds,
-        100.0 * spec.confidence,
+        percent(spec.confidence),
         backbone_name(run.experiment.backbone.architecture),
         run.experiment.backbone.weights,
     )
