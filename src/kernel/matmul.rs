@@ -134,6 +134,7 @@ impl Block {
                     let tile = Tile {
                         rows: table.as_ptr(),
                         taps: 1,
+                        offset: 0,
                         len: self.depth,
                         step: a.col_stride,
                         panel: packed[begin..].as_ptr(),

@@ -11,7 +11,7 @@ use super::simd::{Ymm, Zmm};
 /// Most rows that any tile has.
 pub(super) const MAX_ROWS: usize = 8;
 
-/// What one call computes: `out[r][j] = finish(start + Σ_t Σ_c rows[t][r][c·step] · panel[t·len + c][j])`,
+/// What one call computes: `out[r][j] = finish(start + Σ_t Σ_c rows[t][r][offset + c·step] · panel[t·len + c][j])`,
 /// summed in order of t, then c.
 #[derive(Clone, Copy)]
 pub(super) struct Tile {
@@ -19,7 +19,9 @@ pub(super) struct Tile {
     pub rows: *const *const f32,
     /// Number of taps.
     pub taps: usize,
-    /// Elements that each pointer names.
+    /// Elements skipped at each pointer.
+    pub offset: usize,
+    /// Elements read from each pointer.
     pub len: usize,
     /// Distance of those elements.
     pub step: usize,
@@ -105,7 +107,7 @@ unsafe fn run<S: Simd, const M: usize, const V: usize>(t: &Tile) {
             for (r, row) in rows.iter_mut().enumerate() {
                 *row = *t.rows.add(tap * M + r);
             }
-            let mut at = 0;
+            let mut at = t.offset;
             for _ in 0..t.len {
                 let mut b = [S::splat(0.0); V];
                 for (v, b) in b.iter_mut().enumerate() {
