@@ -1,1 +1,223 @@
 //! Convolutional backbones — Inception-V3, ResNet50, MobileNet-V1 — and their weights.
+//!
+//! A backbone is a graph ([`graph`](self), one file per architecture, without weights), its layers' numbers (read from a file or
+//! drawn), and an interpreter that runs the graph on batches of images and pools the maps that are asked for.
+
+mod calibrate;
+mod description;
+mod error;
+mod graph;
+mod inception_v3;
+mod load;
+mod mobilenet_v1;
+mod network;
+mod parameters;
+mod pooling;
+mod resnet50;
+mod tensors;
+
+use std::path::PathBuf;
+use std::sync::{Mutex, PoisonError};
+
+use rayon::prelude::*;
+
+pub use description::{ChannelOrder, Padding, Preprocessing, Rectifier, StrideIn, Variant, WeightsDescription};
+pub use error::Error;
+pub use load::find_weights;
+pub use tensors::Problem;
+
+use crate::config::spec::{Architecture, BackboneSpec};
+use crate::store;
+use error::{name_of, nearest};
+use graph::{Graph, Layer};
+use network::{Network, Workspace};
+use parameters::{Parameters, Prepared};
+
+/// Images that one thread takes through the network together: enough to read the weights seldom, few enough that maps stay in
+/// the cache.
+const GROUP: usize = 4;
+
+/// Most images that batch norms are calibrated on; their maps are in memory together.
+const CALIBRATION_IMAGES: usize = 32;
+
+/// Version of the drawn weights: part of the hash, so that changed drawing means changed features.
+const SEEDED_VERSION: u32 = 1;
+
+/// Where a backbone's weights come from.
+#[derive(Debug, Clone)]
+pub enum WeightsSource {
+    /// Drawn from keyed streams.
+    Seeded {
+        /// Seed of the streams.
+        seed: u64,
+    },
+    /// Read from a file.
+    File {
+        /// The file.
+        path: PathBuf,
+        /// Its description.
+        description: WeightsDescription,
+    },
+}
+
+/// A frozen backbone: from images to features.
+pub struct Backbone {
+    network: Network,
+    seed: Option<u64>,
+    epsilon: f32,
+    hash: store::Hash,
+    workspaces: Mutex<Vec<Workspace>>,
+}
+
+impl std::fmt::Debug for Backbone {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Backbone({} layers, {} features)", self.network.layers.len(), self.dim())
+    }
+}
+
+impl Backbone {
+    /// Makes the part of `spec`'s architecture that its taps need, with weights from `source`.
+    ///
+    /// # Errors
+    /// An unknown tap, an input too small for the architecture, or a weights file that does not fit; see [`Error`].
+    pub fn load(spec: &BackboneSpec, source: WeightsSource) -> Result<Self, Error> {
+        let (variant, seed) = match &source {
+            WeightsSource::Seeded { seed } => (Variant::seeded(spec.architecture), Some(*seed)),
+            WeightsSource::File { description, .. } => (description.variant.clone(), None),
+        };
+        let whole = graph_of(spec.architecture, spec.input_px as usize, &variant)?;
+        let graph = tapped(spec, whole.clone())?;
+        let (layers, hash) = match source {
+            WeightsSource::Seeded { seed } => drawn(spec, &graph, seed, variant.batch_norm_epsilon)?,
+            WeightsSource::File { path, description } => {
+                if description.architecture != spec.architecture {
+                    let (of, asked) = (name_of(description.architecture), name_of(spec.architecture));
+                    return Err(Error::OtherArchitecture { path, of, asked });
+                }
+                let hash = load::check_hash(&path, &description)?;
+                (load::read_layers(&path, &description, &whole, graph.layers.len())?, hash)
+            }
+        };
+        let network = Network::new(graph, layers, &variant.preprocessing, spec.rings as usize);
+        let epsilon = variant.batch_norm_epsilon;
+        Ok(Self { network, seed, epsilon, hash, workspaces: Mutex::default() })
+    }
+
+    /// Names of the blocks of `architecture` whose output can become features, from input to output.
+    pub fn tap_names(architecture: Architecture) -> Vec<String> {
+        let side = 299;
+        let graph = graph_of(architecture, side, &Variant::seeded(architecture));
+        graph.map(|g| g.taps.into_iter().map(|t| t.name).collect()).unwrap_or_default()
+    }
+
+    /// Sets the batch-norm statistics of drawn weights to those of `images` (RGB, input² × 3 bytes each; of more than 32, 32
+    /// evenly spaced ones), layer by layer. With trained weights, or without images, it does nothing.
+    ///
+    /// # Panics
+    /// If an image has another size.
+    pub fn calibrate(&mut self, images: &[Vec<u8>]) {
+        let Some(seed) = self.seed else { return };
+        let count = images.len().min(CALIBRATION_IMAGES);
+        let chosen: Vec<&[u8]> = (0..count).map(|i| &images[i * images.len() / count][..]).collect();
+        let mut hasher = store::Hasher::new();
+        hasher.update(self.hash.as_str().as_bytes());
+        for image in &chosen {
+            assert!(image.len() == self.network.image_len(), "an image of another size");
+            hasher.update(image);
+        }
+        if chosen.is_empty() {
+            return;
+        }
+        let parameters = |graph: &Graph, number: usize| Parameters::seeded(&graph.layers[number], seed, number);
+        calibrate::calibrate(&mut self.network, &chosen, self.epsilon, parameters);
+        self.hash = hasher.finish();
+    }
+
+    /// Features of `n` images (RGB, input² × 3 bytes each): n × [`dim`](Backbone::dim), the taps in the order of the
+    /// specification; of each tap the means of its channels over the map, then over each ring from the centre outwards.
+    ///
+    /// Runs on all threads of the current pool; the bits do not depend on their number, nor on what else is in the batch.
+    ///
+    /// # Panics
+    /// If `images` does not hold `n` images.
+    pub fn features(&self, images: &[u8], n: usize) -> Vec<f32> {
+        let len = self.network.image_len();
+        assert!(images.len() == n * len, "{} bytes are not {n} images of {len}", images.len());
+        let dim = self.dim();
+        let mut features = vec![0.0; n * dim];
+        let groups = images.par_chunks(GROUP * len).zip(features.par_chunks_mut(GROUP * dim));
+        groups.for_each(|(images, out)| {
+            let mut workspace = self.spare().pop().unwrap_or_default();
+            self.network.features(images, &mut workspace, out);
+            self.spare().push(workspace);
+        });
+        features
+    }
+
+    fn spare(&self) -> std::sync::MutexGuard<'_, Vec<Workspace>> {
+        self.workspaces.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Length of one image's features: Σ over taps of channels × (1 + rings).
+    pub fn dim(&self) -> usize {
+        self.network.dim()
+    }
+
+    /// Side of the input in pixels.
+    pub fn input_px(&self) -> usize {
+        self.network.graph.side
+    }
+
+    /// Number of weights, scales and shifts of the layers up to the last tap.
+    pub fn parameters(&self) -> usize {
+        self.network.graph.layers.iter().map(Layer::parameters).sum()
+    }
+
+    /// Whether the weights were drawn, so that the features are random.
+    pub fn is_seeded(&self) -> bool {
+        self.seed.is_some()
+    }
+
+    /// What the features depend on beside the specification: the file's SHA-256, or a hash of seed, version of the drawing and
+    /// images of the calibration.
+    pub fn weights_hash(&self) -> &store::Hash {
+        &self.hash
+    }
+}
+
+/// The smallest input that an architecture works with.
+fn least_side(architecture: Architecture) -> usize {
+    match architecture {
+        Architecture::InceptionV3 => 75,
+        Architecture::Resnet50 | Architecture::MobilenetV1 => 32,
+    }
+}
+
+fn graph_of(architecture: Architecture, side: usize, variant: &Variant) -> Result<Graph, Error> {
+    let graph = match architecture {
+        Architecture::InceptionV3 => inception_v3::graph,
+        Architecture::Resnet50 => resnet50::graph,
+        Architecture::MobilenetV1 => mobilenet_v1::graph,
+    };
+    let least = least_side(architecture);
+    let graph = (side >= least).then(|| graph(side, variant)).flatten();
+    graph.ok_or(Error::TooSmall { architecture: name_of(architecture), side, least })
+}
+
+fn tapped(spec: &BackboneSpec, graph: Graph) -> Result<Graph, Error> {
+    let known: Vec<String> = graph.taps.iter().map(|t| t.name.clone()).collect();
+    graph.up_to(&spec.taps).map_err(|tap| Error::UnknownTap {
+        architecture: name_of(spec.architecture),
+        nearest: nearest(&tap, known.iter().map(String::as_str)),
+        tap,
+        known,
+    })
+}
+
+fn drawn(spec: &BackboneSpec, graph: &Graph, seed: u64, epsilon: f32) -> Result<(Vec<Prepared>, store::Hash), Error> {
+    let layer = |(number, layer): (usize, &Layer)| Parameters::seeded(layer, seed, number).fold(layer, epsilon);
+    let layers = graph.layers.par_iter().enumerate().map(layer).collect();
+    let hash = store::hash_json(&(SEEDED_VERSION, spec.architecture, seed))
+        .map_err(|source| store::Error::Serialise { path: PathBuf::from("weights"), source })?;
+    Ok((layers, hash))
+}

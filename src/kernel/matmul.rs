@@ -2,15 +2,16 @@
 
 use std::cell::RefCell;
 
+use super::buffer::Buffer;
 use super::simd::{Isa, isa};
-use super::tile::{Tile, panels, tile_fn, tile_rows};
+use super::tile::{MAX_ROWS, Tile, panels, tile_fn, tile_rows};
 
 /// Depth of a block: its widest panel (48 columns) fills most of a 48 KiB first-level cache.
 const DEPTH: usize = 192;
 /// Columns packed at a time, so that a block of them stays in the second-level cache.
 const COLUMNS: usize = 480;
 /// Rows worked on per panel, a multiple of every tile's rows.
-const ROWS: usize = 64;
+const ROWS: usize = 72;
 
 /// A matrix in memory: element (i, j) is `data[i * row_stride + j * col_stride]`; swapping the
 /// strides transposes it.
@@ -66,7 +67,7 @@ pub fn matmul_with(isa: Isa, m: usize, n: usize, k: usize, a: Mat, b: Mat, c: &m
         return;
     }
     thread_local! {
-        static PACKED: RefCell<Vec<f32>> = const { RefCell::new(Vec::new()) };
+        static PACKED: RefCell<Buffer> = RefCell::new(Buffer::default());
     }
     PACKED.with_borrow_mut(|packed| {
         for k0 in (0..k).step_by(DEPTH) {
@@ -94,17 +95,18 @@ struct Block {
 
 impl Block {
     /// Lays the block of `b` out in panels, each row of a panel contiguous and filled up with zeros.
-    fn pack(&self, b: Mat, packed: &mut Vec<f32>) {
-        packed.clear();
+    fn pack(&self, b: Mat, packed: &mut Buffer) {
+        packed.resize(self.depth * self.columns.next_multiple_of(self.isa.lanes()));
+        let mut rest = &mut packed[..];
         for (first, width, vectors) in panels(self.isa, self.columns) {
             let stride = vectors * self.isa.lanes();
-            let begin = packed.len();
-            packed.resize(begin + self.depth * stride, 0.0);
-            let panel = &mut packed[begin..];
+            let (panel, next) = rest.split_at_mut(self.depth * stride);
+            rest = next;
             let corner = &b.data[self.k0 * b.row_stride + (self.n0 + first) * b.col_stride..];
             if b.col_stride == 1 {
                 for (i, row) in panel.chunks_exact_mut(stride).enumerate() {
                     row[..width].copy_from_slice(&corner[i * b.row_stride..][..width]);
+                    row[width..].fill(0.0);
                 }
             } else {
                 transpose(corner, b, self.depth, width, panel, stride);
@@ -123,7 +125,7 @@ impl Block {
                 let kernel = tile_fn(self.isa, vectors);
                 for r0 in (0..rows).step_by(tile_height) {
                     let valid_rows = tile_height.min(rows - r0);
-                    let mut table = [std::ptr::null::<f32>(); 8];
+                    let mut table = [std::ptr::null::<f32>(); MAX_ROWS];
                     for (r, entry) in table[..tile_height].iter_mut().enumerate() {
                         let row = m0 + r0 + r.min(valid_rows - 1);
                         *entry = a.data[row * a.row_stride + self.k0 * a.col_stride..].as_ptr();
@@ -132,6 +134,7 @@ impl Block {
                     let tile = Tile {
                         rows: table.as_ptr(),
                         taps: 1,
+                        offset: 0,
                         len: self.depth,
                         step: a.col_stride,
                         panel: packed[begin..].as_ptr(),
@@ -157,6 +160,9 @@ impl Block {
 /// both stay within a few cache lines.
 fn transpose(corner: &[f32], b: Mat, depth: usize, width: usize, panel: &mut [f32], stride: usize) {
     const SIDE: usize = 16;
+    if width < stride {
+        panel.fill(0.0);
+    }
     for i0 in (0..depth).step_by(SIDE) {
         let i1 = (i0 + SIDE).min(depth);
         for j in 0..width {
@@ -239,6 +245,8 @@ mod tests {
     fn speed() {
         for (m, n, k, ta, tb) in [
             (64, 128, 5248, false, false),
+            (64, 128, 1024, false, false),
+            (64, 48, 192, false, false),
             (64, 145, 5248, false, false),
             (64, 32, 5248, false, false),
             (5248, 128, 64, true, false),

@@ -1,9 +1,17 @@
 //! Numerical kernels with one result on every machine: each output is one chain of fused
 //! multiply-adds in a fixed order. Machinery: knows no domain word.
 
+mod buffer;
+mod conv;
+mod map;
 mod matmul;
 mod simd;
+mod stencil;
 mod tile;
 
+pub use buffer::Buffer;
+pub use conv::Conv;
+pub use map::{Pad, Shape, View, ViewMut, Window};
 pub use matmul::{Mat, matmul, matmul_with};
 pub use simd::{Isa, IsaError, check_isa, isa};
+pub use stencil::{Depthwise, average_pool, max_pool};

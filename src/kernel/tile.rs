@@ -8,10 +8,10 @@ use super::simd::{Isa, Plain, Simd};
 #[cfg(target_arch = "x86_64")]
 use super::simd::{Ymm, Zmm};
 
-/// Widest panel, in vectors.
-pub(super) const MAX_VECTORS: usize = 3;
+/// Most rows that any tile has.
+pub(super) const MAX_ROWS: usize = 8;
 
-/// What one call computes: `out[r][j] = finish(start + Σ_t Σ_c rows[t][r][c·step] · panel[t·len + c][j])`,
+/// What one call computes: `out[r][j] = finish(start + Σ_t Σ_c rows[t][r][offset + c·step] · panel[t·len + c][j])`,
 /// summed in order of t, then c.
 #[derive(Clone, Copy)]
 pub(super) struct Tile {
@@ -19,7 +19,9 @@ pub(super) struct Tile {
     pub rows: *const *const f32,
     /// Number of taps.
     pub taps: usize,
-    /// Elements that each pointer names.
+    /// Elements skipped at each pointer.
+    pub offset: usize,
+    /// Elements read from each pointer.
     pub len: usize,
     /// Distance of those elements.
     pub step: usize,
@@ -50,21 +52,28 @@ pub(super) type TileFn = unsafe fn(&Tile);
 /// Rows of a tile.
 pub(super) fn tile_rows(isa: Isa) -> usize {
     match isa {
-        Isa::Avx512 => 8,
-        Isa::Avx2 | Isa::Portable => 4,
+        Isa::Avx512 => MAX_ROWS,
+        Isa::Avx2 | Isa::Portable => 6,
     }
 }
 
-/// The kernel for panels of `vectors` vectors, 1 to [`MAX_VECTORS`].
+/// Vectors of the widest panel: as many as leave a register for the left factor.
+fn most_vectors(isa: Isa) -> usize {
+    match isa {
+        Isa::Avx512 => 3,
+        Isa::Avx2 | Isa::Portable => 2,
+    }
+}
+
+/// The kernel for panels of `vectors` vectors, as [`panels`] cuts them.
 pub(super) fn tile_fn(isa: Isa, vectors: usize) -> TileFn {
-    let kernels: [TileFn; MAX_VECTORS] = match isa {
+    match (isa, vectors) {
         #[cfg(target_arch = "x86_64")]
-        Isa::Avx512 => [zmm_1, zmm_2, zmm_3],
+        (Isa::Avx512, _) => ([zmm_1, zmm_2, zmm_3] as [TileFn; 3])[vectors - 1],
         #[cfg(target_arch = "x86_64")]
-        Isa::Avx2 => [ymm_1, ymm_2, ymm_3],
-        _ => [plain_1, plain_2, plain_3],
-    };
-    kernels[vectors - 1]
+        (Isa::Avx2, _) => ([ymm_1, ymm_2] as [TileFn; 2])[vectors - 1],
+        _ => ([plain_1, plain_2] as [TileFn; 2])[vectors - 1],
+    }
 }
 
 /// Cuts `columns` into panels: (first column, columns, vectors), all as wide as possible and none
@@ -76,7 +85,7 @@ pub(super) fn panels(isa: Isa, columns: usize) -> Vec<(usize, usize, usize)> {
     let mut panels = Vec::new();
     while left > 0 {
         // four vectors are 2 + 2, not 3 + 1: one vector alone does not hide the latency of its chain
-        let vectors = if left == 4 { 2 } else { left.min(MAX_VECTORS) };
+        let vectors = if left == 4 { 2 } else { left.min(most_vectors(isa)) };
         let width = (vectors * lanes).min(columns - first);
         panels.push((first, width, vectors));
         first += width;
@@ -98,7 +107,7 @@ unsafe fn run<S: Simd, const M: usize, const V: usize>(t: &Tile) {
             for (r, row) in rows.iter_mut().enumerate() {
                 *row = *t.rows.add(tap * M + r);
             }
-            let mut at = 0;
+            let mut at = t.offset;
             for _ in 0..t.len {
                 let mut b = [S::splat(0.0); V];
                 for (v, b) in b.iter_mut().enumerate() {
@@ -180,9 +189,8 @@ macro_rules! kernel {
     };
 }
 
-kernel!(plain_1, Plain, 4, 1);
-kernel!(plain_2, Plain, 4, 2);
-kernel!(plain_3, Plain, 4, 3);
+kernel!(plain_1, Plain, 6, 1);
+kernel!(plain_2, Plain, 6, 2);
 
 #[cfg(target_arch = "x86_64")]
 mod x86 {
@@ -190,9 +198,8 @@ mod x86 {
     kernel!(zmm_1, Zmm, 8, 1, "avx512f");
     kernel!(zmm_2, Zmm, 8, 2, "avx512f");
     kernel!(zmm_3, Zmm, 8, 3, "avx512f");
-    kernel!(ymm_1, Ymm, 4, 1, "avx2,fma");
-    kernel!(ymm_2, Ymm, 4, 2, "avx2,fma");
-    kernel!(ymm_3, Ymm, 4, 3, "avx2,fma");
+    kernel!(ymm_1, Ymm, 6, 1, "avx2,fma");
+    kernel!(ymm_2, Ymm, 6, 2, "avx2,fma");
 }
 #[cfg(target_arch = "x86_64")]
 use x86::*;

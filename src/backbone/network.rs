@@ -1,0 +1,131 @@
+//! The interpreter: runs a graph's steps on batches of images.
+
+use super::description::Preprocessing;
+use super::graph::{Action, Graph, MapShape, Step};
+use super::parameters::Prepared;
+use super::pooling::Pooling;
+use crate::kernel::{Buffer, Shape, View, ViewMut, average_pool, isa, max_pool};
+
+/// A graph with its layers ready to run.
+pub(super) struct Network {
+    pub graph: Graph,
+    pub layers: Vec<Prepared>,
+    inputs: [(usize, [f32; 256]); 3],
+    buffer_of: Vec<usize>,
+    buffer_sizes: Vec<usize>,
+    poolings: Vec<Pooling>,
+}
+
+/// Feature maps of some images, kept from batch to batch.
+#[derive(Debug, Default)]
+pub(super) struct Workspace {
+    images: usize,
+    buffers: Vec<Buffer>,
+}
+
+impl Network {
+    pub(super) fn new(graph: Graph, layers: Vec<Prepared>, preprocessing: &Preprocessing, rings: usize) -> Self {
+        let (buffer_of, buffer_sizes) = graph.buffers();
+        let pooling = |map: usize| Pooling::new(graph.maps[map].height, graph.maps[map].width, rings);
+        let poolings = graph.taps.iter().map(|t| pooling(t.map)).collect();
+        Self { inputs: preprocessing.tables(), graph, layers, buffer_of, buffer_sizes, poolings }
+    }
+
+    /// Length of one image's features.
+    pub(super) fn dim(&self) -> usize {
+        self.graph.taps.iter().zip(&self.poolings).map(|(t, p)| p.len(self.graph.maps[t.map].channels)).sum()
+    }
+
+    /// Bytes of one image.
+    pub(super) fn image_len(&self) -> usize {
+        self.graph.side * self.graph.side * 3
+    }
+
+    /// Features of `images` (RGB, side × side each) into `out` ([`dim`](Network::dim) each), on the calling thread.
+    pub(super) fn features(&self, images: &[u8], workspace: &mut Workspace, out: &mut [f32]) {
+        self.begin(images, workspace);
+        self.take_taps(0, workspace, out);
+        for (i, step) in self.graph.steps.iter().enumerate() {
+            self.execute(step, workspace);
+            self.take_taps(i + 1, workspace, out);
+        }
+    }
+
+    /// Puts the preprocessed images into map 0.
+    pub(super) fn begin(&self, images: &[u8], workspace: &mut Workspace) {
+        workspace.images = images.len() / self.image_len();
+        workspace.buffers.resize_with(self.buffer_sizes.len(), Buffer::default);
+        for (buffer, size) in workspace.buffers.iter_mut().zip(&self.buffer_sizes) {
+            buffer.resize(size * workspace.images);
+        }
+        let input = &mut workspace.buffers[self.buffer_of[0]][..self.graph.map_len(0) * workspace.images];
+        input.fill(0.0);
+        let (side, border) = (self.graph.side, self.graph.border);
+        let MapShape { height, width, .. } = self.graph.maps[0];
+        for (row, bytes) in images.chunks_exact(side * 3).enumerate() {
+            let at = ((row / side * height + border.top + row % side) * width + border.left) * 3;
+            for (pixel, rgb) in input[at..].as_chunks_mut::<3>().0.iter_mut().zip(bytes.as_chunks::<3>().0) {
+                *pixel = self.inputs.each_ref().map(|(from, table)| table[usize::from(rgb[*from])]);
+            }
+        }
+    }
+
+    /// Runs one step.
+    pub(super) fn execute(&self, step: &Step, workspace: &mut Workspace) {
+        let images = workspace.images;
+        let wide = self.graph.maps[step.output];
+        let channels = self.channels(step);
+        let pair = [self.buffer_of[step.input], self.buffer_of[step.output]];
+        let Ok([input, output]) = workspace.buffers.get_disjoint_mut(pair) else {
+            unreachable!("`Graph::buffers` gives maps in use at the same time different buffers")
+        };
+        let x_shape = shape(self.graph.maps[step.input], images);
+        let x = View::new(input, x_shape, x_shape.channels);
+        let out_shape = Shape { channels, ..shape(wide, images) };
+        let out = ViewMut::new(&mut output[step.channel..], out_shape, wide.channels);
+        match step.action {
+            Action::Layer(layer) => self.layers[layer].forward(x, out, step.accumulate),
+            Action::MaxPool(window) => max_pool(isa(), window, x, out),
+            Action::AveragePool(window) => average_pool(isa(), window, self.graph.average_counts_padding, x, out),
+        }
+    }
+
+    /// Channels that a step writes.
+    fn channels(&self, step: &Step) -> usize {
+        match step.action {
+            Action::Layer(layer) => self.graph.layers[layer].outputs,
+            Action::MaxPool(_) | Action::AveragePool(_) => self.graph.maps[step.input].channels,
+        }
+    }
+
+    /// Runs `layer` in place of a step's own, into `out`, which becomes as long as its output: all images' pixels × channels.
+    pub(super) fn try_out(&self, step: &Step, layer: &Prepared, workspace: &Workspace, out: &mut Buffer) {
+        let x_shape = shape(self.graph.maps[step.input], workspace.images);
+        let out_shape =
+            Shape { channels: self.channels(step), ..shape(self.graph.maps[step.output], workspace.images) };
+        out.resize(out_shape.len());
+        let x = View::new(&workspace.buffers[self.buffer_of[step.input]], x_shape, x_shape.channels);
+        layer.forward(x, ViewMut::new(out, out_shape, out_shape.channels), false);
+    }
+
+    fn take_taps(&self, steps: usize, workspace: &Workspace, out: &mut [f32]) {
+        let dim = self.dim();
+        let mut first = 0;
+        for (tap, pooling) in self.graph.taps.iter().zip(&self.poolings) {
+            let map = self.graph.maps[tap.map];
+            let len = pooling.len(map.channels);
+            if tap.steps == steps {
+                let maps =
+                    View::new(&workspace.buffers[self.buffer_of[tap.map]], shape(map, workspace.images), map.channels);
+                for (image, row) in out.chunks_exact_mut(dim).enumerate() {
+                    pooling.pool(maps, image, &mut row[first..first + len]);
+                }
+            }
+            first += len;
+        }
+    }
+}
+
+fn shape(map: MapShape, images: usize) -> Shape {
+    Shape { images, height: map.height, width: map.width, channels: map.channels }
+}
