@@ -1,5 +1,15 @@
 //! Views rendered from panoramas, divided into subsets by panorama.
 
+mod error;
+mod sample;
+mod split;
+#[cfg(test)]
+mod testing;
+
+pub use error::Error;
+pub use sample::{largest_resolution, plan_views};
+pub use split::{check_no_leak, split};
+
 use serde::{Deserialize, Serialize};
 
 /// The three subsets.
@@ -33,4 +43,10 @@ pub struct View {
     pub pitch_deg: f64,
     /// Roll in degrees.
     pub roll_deg: f64,
+}
+
+/// A number that stands for a text in the index of a random stream.
+fn key_of(text: &str) -> u64 {
+    let digits = crate::store::hash_bytes(text.as_bytes());
+    digits.short(16).bytes().fold(0, |key, digit| key << 4 | u64::from((digit as char).to_digit(16).unwrap_or(0)))
 }
