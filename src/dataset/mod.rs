@@ -1,5 +1,22 @@
 //! Views rendered from panoramas, divided into subsets by panorama.
 
+mod augment;
+mod error;
+pub mod render;
+mod sample;
+mod spectrum;
+mod split;
+mod store;
+#[cfg(test)]
+mod testing;
+
+pub use augment::{augmented, resample};
+pub use error::Error;
+pub use sample::{largest_resolution, plan_views};
+pub use spectrum::radial_log_power;
+pub use split::{check_no_leak, split};
+pub use store::{Dataset, write};
+
 use serde::{Deserialize, Serialize};
 
 /// The three subsets.
@@ -33,4 +50,10 @@ pub struct View {
     pub pitch_deg: f64,
     /// Roll in degrees.
     pub roll_deg: f64,
+}
+
+/// A number that stands for a text in the index of a random stream.
+fn key_of(text: &str) -> u64 {
+    let digits = crate::store::hash_bytes(text.as_bytes());
+    digits.short(16).bytes().fold(0, |key, digit| key << 4 | u64::from((digit as char).to_digit(16).unwrap_or(0)))
 }
