@@ -1,0 +1,93 @@
+//! Rules between keys, which no schema can say: every contradiction with its place and a way out.
+
+mod data;
+mod model;
+mod space;
+
+use serde::de::DeserializeOwned;
+
+use super::error::Diagnostic;
+use super::spec::{
+    AugmentSpec, BackboneSpec, BaselineSpec, DatasetSpec, NetworkSpec, PrunerSpec, SpaceSpec, SplitSpec, TrainSpec,
+};
+use super::tree::Node;
+
+/// Checks the sections of a composed experiment that are free of other mistakes.
+///
+/// `faulty` holds the paths at which mistakes were found already; a section with one is left out.
+pub(super) fn check(tree: &Node, faulty: &[Vec<String>]) -> Vec<Diagnostic> {
+    let mut rules = Rules { tree, found: Vec::new() };
+    let sections = Sections { tree, faulty };
+    let dataset: Option<DatasetSpec> = sections.get(&["dataset"]);
+    let split: Option<SplitSpec> = sections.get(&["split"]);
+    let augment: Option<AugmentSpec> = sections.get(&["augment"]);
+    let network: Option<NetworkSpec> = sections.get(&["network"]);
+    let space: Option<SpaceSpec> = sections.get(&["search", "space"]);
+    let pruner: Option<PrunerSpec> = sections.get(&["search", "pruner"]);
+    let backbone: Option<BackboneSpec> = sections.get(&["backbone"]);
+    let baseline: Option<BaselineSpec> = sections.get(&["baseline"]);
+    let train: Option<TrainSpec> = sections.get(&["train"]);
+    if let Some(dataset) = &dataset {
+        data::dataset(&mut rules, dataset);
+    }
+    if let Some(split) = &split {
+        data::split(&mut rules, split, dataset.as_ref());
+    }
+    if let Some(augment) = &augment {
+        data::augment(&mut rules, augment, space.as_ref());
+    }
+    if let Some(backbone) = &backbone {
+        model::backbone(&mut rules, backbone);
+    }
+    if let Some(network) = &network {
+        model::network(&mut rules, network);
+    }
+    if let Some(baseline) = &baseline {
+        model::baseline(&mut rules, baseline);
+    }
+    if let (Some(space), Some(network), Some(_)) = (&space, &network, &train) {
+        space::check(&mut rules, space, network);
+    }
+    if let Some(pruner) = &pruner {
+        model::pruner(&mut rules, pruner);
+    }
+    rules.found
+}
+
+struct Sections<'a> {
+    tree: &'a Node,
+    faulty: &'a [Vec<String>],
+}
+
+impl Sections<'_> {
+    fn get<T: DeserializeOwned>(&self, path: &[&str]) -> Option<T> {
+        let inside = |at: &Vec<String>| at.iter().zip(path).all(|(a, b)| a == b);
+        if self.faulty.iter().any(inside) {
+            return None;
+        }
+        serde_yaml::from_value(serde_yaml::to_value(self.tree.at(path)?.to_json()).ok()?).ok()
+    }
+}
+
+/// What the rules found so far.
+struct Rules<'a> {
+    tree: &'a Node,
+    found: Vec<Diagnostic>,
+}
+
+impl Rules<'_> {
+    /// Notes a mistake about the value at `path`, or the nearest one above it that is written.
+    fn refuse(&mut self, path: &str, message: impl Into<String>, hint: impl Into<String>) {
+        let steps: Vec<&str> = path.split('.').collect();
+        let node = (0..=steps.len()).rev().find_map(|n| self.tree.at(&steps[..n]));
+        let place = node.unwrap_or(self.tree).place.clone();
+        self.found.push(Diagnostic { message: message.into(), hint: Some(hint.into()), place: Some(place) });
+    }
+}
+
+/// How many steps of `step` lead from `low` to `high`, if a whole number does within rounding.
+fn steps(low: f64, high: f64, step: f64) -> Option<f64> {
+    let count = (high - low) / step;
+    let whole = count.round();
+    ((count - whole).abs() <= 1e-9 * whole.max(1.0)).then_some(whole)
+}
