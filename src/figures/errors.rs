@@ -1,7 +1,7 @@
 //! Figures 12 to 15: error metrics of the arms and controls, and their reduction by the search.
 
 use super::axes::{Panel, Scale, Sign, fixed, legend, short};
-use super::drawing::{Anchor, Drawing, Point, Stroke, Type};
+use super::drawing::{Anchor, Drawing, Stroke, Type};
 use super::published;
 use super::style::{self, BLUE, HEADING, INK, MARGIN, Mark, PAPER, SMALL, WIDTH};
 use crate::config::spec::CompareWith;

@@ -15,7 +15,11 @@ pub fn draw(run: &RunArtefacts) -> (Drawing, String) {
         let why = "No trial was run: there is no optimisation history.";
         return (Drawing::sentence(why), why.to_owned());
     }
-    if trials.iter().all(|t| complete_value(t).is_none() && last_value(t).is_none()) {
+    let has_value = |t: &TrialArtefact| match t.state {
+        TrialState::Pruned => last_value(t).is_some(),
+        _ => complete_value(t).is_some(),
+    };
+    if !trials.iter().any(has_value) {
         let why = summary(trials);
         return (Drawing::sentence(&why), why);
     }

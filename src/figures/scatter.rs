@@ -1,7 +1,7 @@
 //! Predicted against true labels on the test subset.
 
 use super::axes::{Panel, Scale, Sign, extent, fixed, legend};
-use super::drawing::{Drawing, Point, Stroke, Type};
+use super::drawing::{Drawing, Stroke, Type};
 use super::style::{self, HEADING, INK, MARGIN, SLATE, WIDTH, tint};
 use crate::dataset::Subset;
 use crate::evaluate::{Arm, Prediction, Quantity};
