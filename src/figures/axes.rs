@@ -27,6 +27,9 @@ impl Scale {
     /// A linear scale that holds all finite values, with a little room at either end.
     pub fn around(values: impl IntoIterator<Item = f64>) -> Self {
         let (low, high) = extent(values);
+        if (low, high) == (0.0, 0.0) {
+            return Self::linear(0.0, 1.0);
+        }
         let room = if high > low { 0.06 * (high - low) } else { 0.5 * low.abs().max(1e-6) };
         Self::linear(low - room, high + room)
     }
@@ -123,12 +126,11 @@ fn round_step(step: f64) -> f64 {
 
 /// Decimals with which multiples of `step` are exact.
 fn decimals(step: f64) -> usize {
-    (0..12)
-        .find(|d| {
-            let s = step * libm::pow(10.0, *d as f64);
-            (s - s.round()).abs() < 1e-6 * s.max(1.0)
-        })
-        .unwrap_or(12)
+    let whole = |digits: &usize| {
+        let scaled = step * libm::pow(10.0, *digits as f64);
+        scaled.round() >= 1.0 && (scaled - scaled.round()).abs() < 1e-6 * scaled
+    };
+    (0..12).find(whole).unwrap_or(12)
 }
 
 /// `value` with `digits` decimals, a real minus sign and thousands separated.
@@ -290,8 +292,11 @@ impl Panel {
     }
 }
 
+/// Draws the sign of a legend's entry around a point.
+pub type Sign = dyn Fn(&mut Drawing, Point);
+
 /// A row of signs with their names, broken into lines; gives the baseline after the last.
-pub fn legend(d: &mut Drawing, (x, y): Point, limit: f64, entries: &[(&str, &dyn Fn(&mut Drawing, Point))]) -> f64 {
+pub fn legend(d: &mut Drawing, (x, y): Point, limit: f64, entries: &[(&str, &Sign)]) -> f64 {
     let (mut pen, mut baseline) = (x, y);
     for (name, sign) in entries {
         let width = 17.0 + Type::PLAIN.width(name);
@@ -351,6 +356,7 @@ mod tests {
     #[test]
     fn scales_of_nothing_are_usable() {
         assert_eq!(Scale::from_zero([]), Scale::linear(0.0, 1.0));
+        assert_eq!(Scale::linear(0.0, 2e-5).ticks(2)[1].1, "0.00001");
         assert!(Scale::around([f64::NAN]).ticks(4).len() >= 2);
         assert!(Scale::around([3.0]).ticks(4).len() >= 2);
     }

@@ -1,6 +1,6 @@
 //! Training curves: losses of the refits, and the objective of every trial epoch by epoch.
 
-use super::axes::{Panel, Scale, legend, short};
+use super::axes::{Panel, Scale, Sign, legend, short};
 use super::drawing::{Drawing, Point, Stroke, Type};
 use super::history;
 use super::style::{self, BLUE, HEADING, MARGIN, Mark, PAPER, SLATE, WIDTH, tint};
@@ -18,12 +18,12 @@ pub fn losses(run: &RunArtefacts) -> (Drawing, String) {
         .into_iter()
         .filter_map(|arm| {
             let refits = run.refit_curves.get(&arm)?;
-            let drawn: Vec<&[EpochRecord]> = refits.iter().map(Vec::as_slice).filter(|c| !c.is_empty()).collect();
+            let drawn: Vec<&[EpochRecord]> = refits.iter().map(Vec::as_slice).filter(|c| least(c).is_some()).collect();
             (!drawn.is_empty()).then_some((arm, drawn))
         })
         .collect();
     if curves.is_empty() {
-        let why = "No refit was trained, so there are no loss curves.";
+        let why = "No refit was trained to a loss that is a number, so there are no loss curves.";
         return (Drawing::sentence(why), why.to_owned());
     }
     let all = || curves.iter().flat_map(|(_, c)| c.iter().flat_map(|c| c.iter()));
@@ -74,8 +74,6 @@ fn least(curve: &[EpochRecord]) -> Option<(f64, f64)> {
     })
 }
 
-type Sign = dyn Fn(&mut Drawing, Point);
-
 fn loss_entries() -> Vec<(&'static str, &'static Sign)> {
     vec![
         ("validation", &|d, (x, y)| d.line(&[(x - 6.0, y), (x + 6.0, y)], Stroke::solid(SLATE, 1.1))),
@@ -86,7 +84,7 @@ fn loss_entries() -> Vec<(&'static str, &'static Sign)> {
 
 /// Objective of every trial, epoch by epoch; the best trial stands out, pruned and failed ones end in a mark.
 pub fn trials(run: &RunArtefacts) -> (Drawing, String) {
-    let drawn: Vec<&TrialArtefact> = run.trials.iter().filter(|t| !t.curve.is_empty()).collect();
+    let drawn: Vec<&TrialArtefact> = run.trials.iter().filter(|t| history::last_value(t).is_some()).collect();
     if drawn.is_empty() {
         let why = "No trial reported an intermediate value.";
         return (Drawing::sentence(why), why.to_owned());
@@ -125,7 +123,8 @@ fn trials_panel(drawn: &[&TrialArtefact]) -> Panel {
     values.sort_by(f64::total_cmp);
     // The first epochs of a bad trial must not flatten all others.
     let ceiling = values.get(values.len() * 98 / 100).copied().unwrap_or(1.0);
-    let last = drawn.iter().filter_map(|t| t.curve.last()).map(|r| f64::from(r.epoch)).fold(1.0, f64::max);
+    let finite = drawn.iter().flat_map(|t| t.curve.iter()).filter(|r| r.objective.is_finite());
+    let last = finite.map(|r| f64::from(r.epoch)).fold(1.0, f64::max);
     Panel {
         at: (LEFT, 22.0),
         size: (WIDTH - LEFT - MARGIN - 4.0, 130.0),

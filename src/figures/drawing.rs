@@ -151,6 +151,12 @@ pub struct Drawing {
     pub shapes: Vec<Shape>,
 }
 
+impl Default for Drawing {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
 impl Drawing {
     /// An empty figure of the usual width.
     pub fn new() -> Self {

@@ -1,7 +1,7 @@
 //! Figures 12 to 15: error metrics of the arms and controls, and their reduction by the search.
 
-use super::axes::{Panel, Scale, fixed, legend, short};
-use super::drawing::{Anchor, Drawing, Point, Stroke, Type};
+use super::axes::{Panel, Scale, Sign, fixed, legend, short};
+use super::drawing::{Anchor, Drawing, Stroke, Type};
 use super::published;
 use super::style::{self, BLUE, HEADING, INK, MARGIN, Mark, PAPER, SMALL, WIDTH};
 use crate::config::spec::CompareWith;
@@ -105,10 +105,12 @@ fn printed(quantity: Quantity, metric: Metric, arm: Arm) -> Option<f64> {
 
 /// Draws the bars of one metric below `top`; gives the lower end.
 fn panel(d: &mut Drawing, top: f64, quantity: Quantity, metric: Metric, rows: &[&MetricRow], paper: bool) -> f64 {
-    let arms: Vec<Arm> = ARMS.into_iter().filter(|arm| rows.iter().any(|r| r.arm == *arm)).collect();
+    // An arm without a value is shown as missing; a control that was not asked for is left out.
+    let is_arm = |arm: &Arm| matches!(arm, Arm::Baseline | Arm::Tuned);
+    let arms: Vec<Arm> = ARMS.into_iter().filter(|arm| is_arm(arm) || rows.iter().any(|r| r.arm == *arm)).collect();
     let heading = format!("{}{}", metric_name(metric), unit(quantity, metric));
     d.text((MARGIN, top + HEADING), heading, Type::BOLD.sized(HEADING));
-    if arms.is_empty() {
+    if rows.is_empty() {
         d.text((MARGIN, top + HEADING + Type::NOTE.line()), "not computed", Type::NOTE);
         return top + 30.0;
     }
@@ -149,7 +151,10 @@ fn row(d: &mut Drawing, panel: &Panel, y: f64, arm: Arm, rows: &[&MetricRow], di
     let x = |value: f64| panel.point(value, 0.0).0;
     let baseline = y + SMALL * 0.36;
     d.text((LEFT - 4.0, baseline), look.name, Type::PLAIN.at(Anchor::End));
-    let Some(mean) = rows.iter().find(|r| r.arm == arm && r.seed.is_none()) else { return };
+    let Some(mean) = rows.iter().find(|r| r.arm == arm && r.seed.is_none()) else {
+        d.text((WIDTH - MARGIN, baseline), "none", Type::NOTE.at(Anchor::End));
+        return;
+    };
     let (from, to) = (x(mean.value.min(0.0)), x(mean.value.max(0.0)));
     d.bar((from, y - 3.8), (to - from, 7.6), style::tint(look.colour, 0.75), look.hatch);
     d.line(&[(x(mean.ci_low), y), (x(mean.ci_high), y)], Stroke::solid(INK, 1.0));
@@ -161,8 +166,6 @@ fn row(d: &mut Drawing, panel: &Panel, y: f64, arm: Arm, rows: &[&MetricRow], di
     }
     d.text((WIDTH - MARGIN, baseline), fixed(mean.value, digits), Type::PLAIN.at(Anchor::End));
 }
-
-type Sign = dyn Fn(&mut Drawing, Point);
 
 fn entries(paper: bool) -> Vec<(&'static str, &'static Sign)> {
     let interval: &Sign = &|d, (x, y)| {

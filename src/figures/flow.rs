@@ -189,11 +189,23 @@ fn stations(run: &RunArtefacts) -> Vec<(String, Vec<String>, [u8; 3])> {
     let trunk_lines = vec![format!("{} weights, {}", backbone.weights, backbone.tune)];
     let (head_title, head_lines) = head(run);
     vec![
-        (format!("resample to {side} × {side} px"), vec!["same field of view".to_owned()], FROZEN),
+        resampling(run.experiment.dataset.image_px, side),
         (trunk_name, trunk_lines, FROZEN),
         (format!("taps {}", backbone.taps.join(", ")), vec![rings], FROZEN),
         (head_title, head_lines, BOX),
     ]
+}
+
+fn resampling(view: u32, side: u32) -> (String, Vec<String>, [u8; 3]) {
+    if view == side {
+        (
+            format!("network input, {side} × {side} px"),
+            vec!["the size of a view, so nothing is resampled".to_owned()],
+            FROZEN,
+        )
+    } else {
+        (format!("resample to {side} × {side} px"), vec!["same field of view".to_owned()], FROZEN)
+    }
 }
 
 fn is_trunk(layer: &crate::tables::artefacts::LayerRow) -> bool {

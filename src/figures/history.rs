@@ -1,6 +1,6 @@
 //! Figure 10: value of each trial and the best so far.
 
-use super::axes::{Panel, Scale, legend, short};
+use super::axes::{Panel, Scale, Sign, legend, short};
 use super::drawing::{Drawing, Point, Stroke, Type};
 use super::style::{BEST, BLUE, MARGIN, Mark, SLATE, WIDTH};
 use crate::search::TrialState;
@@ -12,7 +12,16 @@ const LEFT: f64 = 38.0;
 pub fn draw(run: &RunArtefacts) -> (Drawing, String) {
     let trials = &run.trials;
     if trials.is_empty() {
-        return (Drawing::sentence("No trial was run: there is no optimisation history."), String::new());
+        let why = "No trial was run: there is no optimisation history.";
+        return (Drawing::sentence(why), why.to_owned());
+    }
+    let has_value = |t: &TrialArtefact| match t.state {
+        TrialState::Pruned => last_value(t).is_some(),
+        _ => complete_value(t).is_some(),
+    };
+    if !trials.iter().any(has_value) {
+        let why = summary(trials);
+        return (Drawing::sentence(&why), why);
     }
     let panel = panel(trials);
     let mut d = Drawing::new();
@@ -72,7 +81,7 @@ fn ticks(trials: &[TrialArtefact]) -> Vec<(f64, String)> {
     let step = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000].into_iter().find(|s| *s >= step).unwrap_or(step);
     trials
         .iter()
-        .filter(|t| t.number as usize % step == 0)
+        .filter(|t| (t.number as usize).is_multiple_of(step))
         .map(|t| (f64::from(t.number), t.number.to_string()))
         .collect()
 }
@@ -115,8 +124,6 @@ fn mark(d: &mut Drawing, panel: &Panel, trial: &TrialArtefact) {
         TrialState::Running | TrialState::Waiting => {}
     }
 }
-
-type Sign = dyn Fn(&mut Drawing, Point);
 
 fn entries(trials: &[TrialArtefact]) -> Vec<(&'static str, &'static Sign)> {
     let mut entries: Vec<(&'static str, &'static Sign)> = Vec::new();

@@ -1,7 +1,7 @@
 //! Predicted against true labels on the test subset.
 
-use super::axes::{Panel, Scale, extent, fixed, legend};
-use super::drawing::{Drawing, Point, Stroke, Type};
+use super::axes::{Panel, Scale, Sign, extent, fixed, legend};
+use super::drawing::{Drawing, Stroke, Type};
 use super::style::{self, HEADING, INK, MARGIN, SLATE, WIDTH, tint};
 use crate::dataset::Subset;
 use crate::evaluate::{Arm, Prediction, Quantity};
@@ -95,8 +95,6 @@ fn scatter(d: &mut Drawing, panel: &Panel, arm: Arm, points: &[(f64, f64)], mean
 fn mean_stroke() -> Stroke {
     Stroke::dashed(SLATE, 1.2, 4.0, 2.5)
 }
-
-type Sign = dyn Fn(&mut Drawing, Point);
 
 fn entries(mean: bool) -> Vec<(&'static str, &'static Sign)> {
     let mut entries: Vec<(&'static str, &'static Sign)> =

@@ -107,7 +107,7 @@ fn figures_say_what_they_show() {
         ("figure_6", &["panoramas", "→ 200 panoramas", "propose hyper-parameters", "pruned"]),
         (
             "figure_7",
-            &["resample to 299 × 299 px", "taps mixed_5b", "central scale f/(1+ξ)", "horizontal field of view"],
+            &["network input, 299 × 299 px", "taps mixed_5b", "central scale f/(1+ξ)", "horizontal field of view"],
         ),
         ("figure_10", &["best so far", "pruned", "failed", "10 trials"]),
         ("figure_11", &["learning_rate", "not stable"]),
@@ -128,6 +128,19 @@ fn figures_say_what_they_show() {
             assert!(text.contains(word), "{figure} lacks `{word}`: {text}");
         }
     }
+}
+
+#[test]
+fn figures_of_a_study_without_values_say_why_they_are_empty() {
+    let run = fixture::failed();
+    assert!(importance::draw(&run).1.contains("0 complete of 4"));
+    assert!(curves::losses(&run).1.contains("No refit was trained to a loss"));
+    let errors = errors::metrics(&run, Quantity::Xi).0;
+    assert!(texts(&errors).iter().any(|(_, text)| *text == "none"), "the tuned arm is shown as missing");
+    let mut small = fixture::failed();
+    small.experiment.dataset.image_px = 320;
+    let flow = flow::activation(&small).0;
+    assert!(texts(&flow).iter().any(|(_, text)| *text == "resample to 299 × 299 px"));
 }
 
 #[test]

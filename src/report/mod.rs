@@ -146,7 +146,10 @@ mod tests {
 
     #[test]
     fn ids_are_unique_and_every_link_inside_the_page_has_its_target() {
-        let page = page(&fixture::run(10, 6));
+        let run = fixture::run(10, 6);
+        let named = |name: &str| TableView { name: name.to_owned(), ..TableView::default() };
+        let tables = ["table_1", "controls", "summary"].map(named);
+        let page = render(&run, &tables, &figures::draw_svg(&run)).unwrap();
         let ids: Vec<&str> = page.split(" id=\"").skip(1).filter_map(|p| p.split('"').next()).collect();
         let mut sorted = ids.clone();
         sorted.sort_unstable();
