@@ -97,6 +97,10 @@ fn spread(members: &[usize], targets: &[f64], counts: &[f64]) -> (f64, f64) {
 
 /// The division with the least squared error on both sides together.
 fn best_cut(columns: &Columns, members: &[usize], targets: &[f64], counts: &[f64], random: &mut Stream) -> Option<Cut> {
+    // Two columns that divide a node alike, one from below and one from above, differ in the last bit; like
+    // the reference, the sums on the right are what the node's one total leaves.
+    let all: f64 = members.iter().map(|i| counts[*i] * targets[*i]).sum();
+    let all_weight: f64 = members.iter().map(|i| counts[*i]).sum();
     let mut order: Vec<usize> = (0..columns.len()).collect();
     random.shuffle(&mut order);
     let mut best: Option<(f64, Cut)> = None;
@@ -107,11 +111,6 @@ fn best_cut(columns: &Columns, members: &[usize], targets: &[f64], counts: &[f64
             continue;
         }
         sorted.sort_by(|a, b| x[*a].total_cmp(&x[*b]).then(a.cmp(b)));
-        let (mut all, mut all_weight) = (0.0, 0.0);
-        for i in &sorted {
-            all += counts[*i] * targets[*i];
-            all_weight += counts[*i];
-        }
         let (mut left, mut weight) = (0.0, 0.0);
         for pair in sorted.windows(2) {
             let (i, next) = (pair[0], pair[1]);
