@@ -10,7 +10,7 @@ pub(super) fn weights(global: &Global, args: &WeightsArgs) -> Result<(), Failure
         WeightsCommand::Add { file, name } => {
             println!("{}", study::install_weights(file, name, &options)?.display());
         }
-        WeightsCommand::List => print!("{}", study::list_weights(&options)),
+        WeightsCommand::List => print!("{}", study::list_weights(&options)?),
     }
     Ok(())
 }

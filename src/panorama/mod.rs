@@ -5,6 +5,7 @@ mod decode;
 mod directory;
 mod duplicates;
 mod groups;
+pub mod procedural;
 
 pub use catalogue::{Catalogue, Skipped, write_directory, write_procedural};
 pub use directory::{ImageFile, scan};

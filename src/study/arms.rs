@@ -140,7 +140,8 @@ pub(super) fn evaluate(
 fn predict(head: &Head, features: &FeatureSet, views: &[View]) -> Result<Vec<Prediction>, Error> {
     let plain = features.rows().iter().enumerate().filter(|(_, row)| row.copy == 0);
     let row_of: BTreeMap<u32, usize> = plain.map(|(i, row)| (row.view, i)).collect();
-    let unseen: Vec<&View> = views.iter().filter(|v| v.subset != Subset::Train && row_of.contains_key(&v.index)).collect();
+    let unseen: Vec<&View> =
+        views.iter().filter(|v| v.subset != Subset::Train && row_of.contains_key(&v.index)).collect();
     let rows: Vec<f32> = unseen.iter().flat_map(|v| features.row(row_of[&v.index])).copied().collect();
     let estimates = head.estimate(&rows).map_err(train::Error::from)?;
     let predictions = unseen.iter().zip(estimates).map(|(view, (f_pred, xi_pred))| Prediction {

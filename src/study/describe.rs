@@ -78,16 +78,26 @@ fn flow(subject: &Subject<'_>) -> Vec<FlowStep> {
         "f {} to {} px, ξ {} to {}, {} px, band limit {} px",
         d.focal_px.low, d.focal_px.high, d.distortion.low, d.distortion.high, d.image_px, d.resolution
     );
-    let split = format!("{} train, {} validation, {} test views", count(Subset::Train), count(Subset::Validation), count(Subset::Test));
+    let split = format!(
+        "{} train, {} validation, {} test views",
+        count(Subset::Train),
+        count(Subset::Validation),
+        count(Subset::Test)
+    );
     let (rows, dim) = (subject.features.rows().len() as u64, subject.features.dim() as u64);
-    let weights = format!("{}, {} weights, {}", text(&spec.backbone.architecture), spec.backbone.weights, spec.backbone.tune);
+    let weights =
+        format!("{}, {} weights, {}", text(&spec.backbone.architecture), spec.backbone.weights, spec.backbone.tune);
     let refits = format!("2 arms × {} seeds, early stopping on validation", spec.evaluation.refit_seeds);
     let tests = views.iter().filter(|v| v.subset == Subset::Test);
     let mut test_panoramas: Vec<&str> = tests.map(|v| v.panorama.as_str()).collect();
     test_panoramas.sort_unstable();
     test_panoramas.dedup();
     vec![
-        step("panoramas", source.to_owned(), format!("{} panoramas, {width} px wide", thousands(panoramas.len() as u64))),
+        step(
+            "panoramas",
+            source.to_owned(),
+            format!("{} panoramas, {width} px wide", thousands(panoramas.len() as u64)),
+        ),
         step("dataset", labels, split),
         step("features", weights, format!("{} rows × {} features", thousands(rows), thousands(dim))),
         step("study", study_words(spec), trial_counts(subject.trials)),
@@ -115,14 +125,14 @@ fn study_words(spec: &Experiment) -> String {
 
 fn trial_counts(trials: &[TrialArtefact]) -> String {
     let count = |state| trials.iter().filter(|t| t.state == state).count();
-    let (complete, pruned, failed) =
-        (count(TrialState::Complete), count(TrialState::Pruned), count(TrialState::Fail));
+    let (complete, pruned, failed) = (count(TrialState::Complete), count(TrialState::Pruned), count(TrialState::Fail));
     format!("{} trials: {complete} complete, {pruned} pruned, {failed} failed", trials.len())
 }
 
 fn layers(subject: &Subject<'_>, backbone_parameters: u64) -> Vec<LayerRow> {
     let spec = subject.spec;
-    let row = |name: String, shape: String, detail: String, parameters: u64| LayerRow { name, shape, detail, parameters };
+    let row =
+        |name: String, shape: String, detail: String, parameters: u64| LayerRow { name, shape, detail, parameters };
     let side = spec.backbone.input_px;
     let dim = subject.features.dim() as u64;
     let taps = spec.backbone.taps.join(", ");

@@ -14,7 +14,9 @@ pub enum Error {
         folder: PathBuf,
     },
     /// No trial has a value, so there is nothing to refit.
-    #[error("none of the {trials} trials came to a value: {reason}\nhint: look at `trials/*/params.json`; a smaller learning rate may help")]
+    #[error(
+        "none of the {trials} trials came to a value: {reason}\nhint: look at `trials/*/params.json`; a smaller learning rate may help"
+    )]
     NoTrial {
         /// Number of trials.
         trials: u32,
@@ -35,9 +37,12 @@ pub enum Error {
     /// The user stopped the run.
     #[error("interrupted; the same command goes on")]
     Interrupted,
-    /// Configuration of a suite's member.
-    #[error("{0}")]
-    Config(Box<crate::config::ConfigErrors>),
+    /// The resolved experiment does not serialise; a bug.
+    #[error("cannot serialise the resolved experiment: {0}")]
+    Json(#[from] serde_json::Error),
+    /// The resolved experiment does not serialise; a bug.
+    #[error("cannot serialise the resolved experiment: {0}")]
+    Yaml(#[from] serde_yaml::Error),
     /// Disk.
     #[error(transparent)]
     Store(#[from] crate::store::Error),
@@ -91,8 +96,12 @@ pub enum Error {
 impl Classify for Error {
     fn class(&self) -> Class {
         match self {
-            Error::Config(_) => Class::Input,
-            Error::Busy { .. } | Error::NoTrial { .. } | Error::Damaged { .. } | Error::Worker => Class::Run,
+            Error::Busy { .. }
+            | Error::NoTrial { .. }
+            | Error::Damaged { .. }
+            | Error::Worker
+            | Error::Json(_)
+            | Error::Yaml(_) => Class::Run,
             Error::Interrupted => Class::Interrupted,
             Error::Store(e) => e.class(),
             Error::Panorama(e) => e.class(),

@@ -69,10 +69,11 @@ fn grid_views(spec: &DatasetSpec, panorama: &str) -> Vec<View> {
 
 /// The shortest focal length with which the strongest distortion is valid in the whole image.
 fn shortest_valid(spec: &DatasetSpec) -> f64 {
-    let (low, high, side) = (spec.focal_px.low, spec.focal_px.high, f64::from(spec.image_px));
+    let (low, high, side) = (spec.focal_px.low, spec.focal_px.high, spec.image_px);
     let steps = 128;
     let candidates = (0..steps).map(|i| (low + (high - low) * f64::from(i) / f64::from(steps)).ceil());
-    let valid = |f: &f64| Camera::centred(*f, spec.distortion.high, side).whole_image_valid(side, side);
+    let valid =
+        |f: &f64| Camera::centred(*f, spec.distortion.high, side).whole_image_valid(f64::from(side), f64::from(side));
     candidates.into_iter().find(valid).unwrap_or(high)
 }
 

@@ -80,7 +80,7 @@ const EXACT: [&str; 11] = [
 /// Those of the stages; what was finished before stays finished.
 pub fn run(experiment: &LoadedExperiment, options: &Options, progress: &dyn Progress) -> Result<Finished, Error> {
     let spec = &experiment.spec;
-    match RunFolder::open(&options.results, &spec.name, spec.seed, &experiment.hash(), options.fresh)? {
+    match RunFolder::open(&options.results, &spec.name, spec.seed, &experiment.hash()?, options.fresh)? {
         Opened::Finished(folder) => Ok(Finished { folder, already: true }),
         Opened::Busy(folder) => Err(Error::Busy { folder }),
         Opened::Unfinished(folder) => {
@@ -111,9 +111,8 @@ fn execute(
     let trials = f64::from(spec.search.trials);
     let searched = stages.timed("study", trials, || trials::search(spec, options, &folder, &training, &stages))?;
     let refits = f64::from(2 * spec.evaluation.refit_seeds);
-    let heads = stages.timed("refit", refits, || {
-        arms::refit(spec, options, &folder, &training, &searched.best, &stages)
-    })?;
+    let heads =
+        stages.timed("refit", refits, || arms::refit(spec, options, &folder, &training, &searched.best, &stages))?;
 
     stages.timed("evaluation", 1.0, || {
         arms::evaluate(spec, &folder, &heads, &features.value, &dataset.value, &spectra.value)
@@ -127,7 +126,7 @@ fn execute(
             trials: &searched.trials,
             network: &searched.best.0,
         };
-        describe::write(&folder, &subject, backbone.parameters())?;
+        describe::write(&folder, &subject, backbone.parameters() as u64)?;
         gallery::write(spec, &folder, &catalogue.value, &dataset.value)?;
         outputs::write(&folder)
     })?;
@@ -139,8 +138,8 @@ fn execute(
 
 fn describe_run(experiment: &LoadedExperiment, options: &Options, folder: &RunFolder) -> Result<(), Error> {
     store::write(&folder.join("experiment.yaml"), experiment.source_text.as_bytes())?;
-    store::write(&folder.join("resolved.yaml"), experiment.resolved_yaml().as_bytes())?;
-    let provenance = Provenance::gather(&experiment.file, kernel::isa().name(), options.threads);
+    store::write(&folder.join("resolved.yaml"), experiment.resolved_yaml()?.as_bytes())?;
+    let provenance = Provenance::gather(&experiment.path, kernel::isa().name(), options.threads);
     Ok(write_json(&folder.join("provenance.json"), &provenance)?)
 }
 

@@ -58,8 +58,8 @@ pub(super) fn write_durations(folder: &RunFolder) -> Result<(), Error> {
     let text = store::read_to_string(&path)?;
     let mut seconds: BTreeMap<String, f64> = BTreeMap::new();
     for line in text.lines() {
-        let event: Value = serde_json::from_str(line)
-            .map_err(|e| Error::Damaged { path: path.clone(), reason: e.to_string() })?;
+        let event: Value =
+            serde_json::from_str(line).map_err(|e| Error::Damaged { path: path.clone(), reason: e.to_string() })?;
         if let (Some("stage_finished"), Some(stage), Some(time)) =
             (event["event"].as_str(), event["stage"].as_str(), event["seconds"].as_f64())
         {

@@ -37,7 +37,7 @@ mod default_rate {
 /// Input that cannot be read (a folder of panoramas, weights), or the disk's.
 pub fn plan(experiment: &LoadedExperiment, options: &Options) -> Result<Vec<Step>, Error> {
     let spec = &experiment.spec;
-    let folder = RunFolder::find(&options.results, &spec.name, spec.seed, &experiment.hash())?;
+    let folder = RunFolder::find(&options.results, &spec.name, spec.seed, &experiment.hash()?)?;
     let planner = Planner { spec, cache: Cache::new(&options.cache), rates: Rates::read(&options.cache) };
     let mut steps = planner.artefacts(options)?;
     steps.extend(planner.run_steps(folder.as_deref()));
@@ -66,8 +66,20 @@ impl Planner<'_> {
         };
         let count = |n: f64, what: &str| format!("{} {what}", thousands(n.round() as u64));
         let mut steps = vec![
-            self.step("panoramas", count(panoramas, source), catalogue.is_some(), None, (panoramas, default_rate::PANORAMAS)),
-            self.step("dataset", count(views, "views"), dataset.is_some(), catalogue.as_ref().map(|_| "panoramas"), (views, default_rate::DATASET)),
+            self.step(
+                "panoramas",
+                count(panoramas, source),
+                catalogue.is_some(),
+                None,
+                (panoramas, default_rate::PANORAMAS),
+            ),
+            self.step(
+                "dataset",
+                count(views, "views"),
+                dataset.is_some(),
+                catalogue.as_ref().map(|_| "panoramas"),
+                (views, default_rate::DATASET),
+            ),
         ];
         let (features, spectra) = match &dataset {
             Some(d) => (self.has_features(d, options)?, self.has_spectra(d)?),
@@ -90,7 +102,14 @@ impl Planner<'_> {
     }
 
     /// `done_above`: the stage before, if its result is there; it is then this stage's own settings that are new.
-    fn step(&self, stage: &str, what: String, cached: bool, done_above: Option<&str>, (units, rate): (f64, f64)) -> Step {
+    fn step(
+        &self,
+        stage: &str,
+        what: String,
+        cached: bool,
+        done_above: Option<&str>,
+        (units, rate): (f64, f64),
+    ) -> Step {
         if cached {
             return Step { stage: stage.to_owned(), what, need: Need::Cached, seconds: 0.0, measured: true };
         }
@@ -120,9 +139,30 @@ impl Planner<'_> {
         let why = if done > 0 { format!("{done} of {trials} are done") } else { "no trial is done".to_owned() };
         vec![
             step("study", format!("{trials} trials"), left == 0, &why, left.into(), default_rate::STUDY),
-            step("refit", format!("{refits} networks"), finished, "the run is not finished", refits.into(), default_rate::REFIT),
-            step("evaluation", "metrics, controls".into(), finished, "the run is not finished", 1.0, default_rate::EVALUATION),
-            step("report", "tables, figures, page".into(), finished, "the run is not finished", 1.0, default_rate::REPORT),
+            step(
+                "refit",
+                format!("{refits} networks"),
+                finished,
+                "the run is not finished",
+                refits.into(),
+                default_rate::REFIT,
+            ),
+            step(
+                "evaluation",
+                "metrics, controls".into(),
+                finished,
+                "the run is not finished",
+                1.0,
+                default_rate::EVALUATION,
+            ),
+            step(
+                "report",
+                "tables, figures, page".into(),
+                finished,
+                "the run is not finished",
+                1.0,
+                default_rate::REPORT,
+            ),
         ]
     }
 }

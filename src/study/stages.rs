@@ -58,7 +58,15 @@ impl<'a> Stages<'a> {
         progress: &'a dyn Progress,
     ) -> Self {
         let rates = Mutex::new(Rates::read(&options.cache));
-        Self { spec, options, cache: Cache::new(&options.cache), events, rates, progress, stopped: AtomicBool::new(false) }
+        Self {
+            spec,
+            options,
+            cache: Cache::new(&options.cache),
+            events,
+            rates,
+            progress,
+            stopped: AtomicBool::new(false),
+        }
     }
 
     /// Has all workers stop at their next step.
@@ -101,7 +109,8 @@ impl<'a> Stages<'a> {
         let cached = self.cache.contains(stage, key);
         let open_or_make = || self.cache.open_or_make(stage, key, make);
         let artefact = if cached { open_or_make()? } else { self.timed(stage, units, open_or_make)? };
-        let fields = json!({ "stage": stage, "version": version, "key": key, "hash": artefact.hash(), "cached": cached });
+        let fields =
+            json!({ "stage": stage, "version": version, "key": key, "hash": artefact.hash(), "cached": cached });
         self.events.tell("stage_artefact", &fields)?;
         Ok(artefact)
     }
@@ -111,9 +120,7 @@ impl<'a> Stages<'a> {
         let spec = &self.spec.dataset.panoramas;
         let (key, units) = panoramas_key(self.spec)?;
         let artefact = self.artefact(("panoramas", PANORAMAS), &key, units, |writer| match spec.source {
-            PanoramaSource::Procedural => {
-                Ok(panorama::write_procedural(writer, spec, self.spec.seed, self.progress)?)
-            }
+            PanoramaSource::Procedural => Ok(panorama::write_procedural(writer, spec, self.spec.seed, self.progress)?),
             PanoramaSource::Directory => {
                 let files = panorama::scan(spec)?;
                 let by = self.spec.split.by;
@@ -132,7 +139,10 @@ impl<'a> Stages<'a> {
         let key = catalogue.artefact.derive_key(DATASET, &dataset_key_parts(self.spec))?;
         let artefact = self.artefact(("dataset", DATASET), &key, views.len() as f64, |writer| {
             let pixels = |id: &str| {
-                let missing = || dataset::Error::Panorama { panorama: id.to_owned(), source: "it is not in the catalogue".into() };
+                let missing = || dataset::Error::Panorama {
+                    panorama: id.to_owned(),
+                    source: "it is not in the catalogue".into(),
+                };
                 catalogue.value.pixels(id).ok_or_else(missing)
             };
             Ok(dataset::write(writer, &views, &self.spec.dataset, &pixels, self.progress)?)
@@ -148,8 +158,8 @@ impl<'a> Stages<'a> {
         let key = dataset.artefact.derive_key(FEATURES, &features_key_parts(self.spec, &backbone))?;
         let rows = feature_rows(dataset.value.views(), self.spec.augment.copies);
         let artefact = self.artefact(("features", FEATURES), &key, rows.len() as f64, |writer| {
-            if backbone.needs_calibration() {
-                backbone.calibrate(&self.calibration_images(&dataset.value))?;
+            if backbone.is_seeded() {
+                backbone.calibrate(&self.calibration_images(&dataset.value));
             }
             let image = |row: FeatureRow| self.network_input(&dataset.value, row);
             Ok(features::write(writer, &backbone, &rows, &image, self.progress)?)
@@ -194,7 +204,12 @@ impl<'a> Stages<'a> {
                         return Err(Error::Interrupted);
                     }
                     self.progress.advance(1);
-                    Ok(dataset::radial_log_power(dataset.value.pixels(view.index as usize), side, resolution, bins as usize))
+                    Ok(dataset::radial_log_power(
+                        dataset.value.pixels(view.index as usize),
+                        side,
+                        resolution,
+                        bins as usize,
+                    ))
                 })
                 .collect();
             self.progress.end();

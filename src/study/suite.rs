@@ -3,26 +3,27 @@
 use std::path::PathBuf;
 
 use super::{Error, Finished, Options, run};
-use crate::config::LoadedSuite;
+use crate::config::{LoadedExperiment, LoadedSuite};
 use crate::pipeline::progress::Progress;
-use crate::store::{Opened, RunFolder, write_json};
-use crate::tables::artefacts::RunArtefacts;
+use crate::store::{Opened, RunFolder, hash_json, write_json};
 use crate::tables;
+use crate::tables::artefacts::RunArtefacts;
 
 /// Runs every experiment of `suite`, or finds it finished, and writes Tables 2 and 3 over all of them.
 ///
 /// # Errors
 /// Those of the experiments; finished ones stay finished.
 pub fn run_suite(suite: &LoadedSuite, options: &Options, progress: &dyn Progress) -> Result<Finished, Error> {
-    let hash = suite.hash();
-    let seed = suite.members.first().map_or(0, |m| m.spec.seed);
+    let hashes = suite.experiments.iter().map(LoadedExperiment::hash).collect::<Result<Vec<_>, _>>()?;
+    let hash = hash_json(&(&suite.spec.name, hashes))?;
+    let seed = suite.experiments.first().map_or(0, |m| m.spec.seed);
     let folder = match RunFolder::open(&options.results, &suite.spec.name, seed, &hash, options.fresh)? {
         Opened::Finished(folder) => return Ok(Finished { folder, already: true }),
         Opened::Busy(folder) => return Err(Error::Busy { folder }),
         Opened::Unfinished(folder) => folder,
     };
     let mut runs: Vec<PathBuf> = Vec::new();
-    for member in &suite.members {
+    for member in &suite.experiments {
         progress.note(&format!("experiment {}", member.spec.name));
         runs.push(run(member, options, progress)?.folder);
     }

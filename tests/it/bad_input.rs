@@ -44,10 +44,8 @@ fn a_missing_file_and_an_unknown_key_on_the_command_line_are_explained() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out");
     assert!(fail_with(2, panotune(&out).args(["run", "experiments/nowhere.yaml"])).contains("nowhere.yaml"));
-    let said = fail_with(
-        2,
-        panotune(&out).args(["run", "experiments/optuna_inception.yaml", "--set", "train.epoch=3"]),
-    );
+    let said =
+        fail_with(2, panotune(&out).args(["run", "experiments/optuna_inception.yaml", "--set", "train.epoch=3"]));
     assert!(said.contains("train.epoch") && said.contains("epochs"), "{said}");
     assert!(!out.exists());
 }

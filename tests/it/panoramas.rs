@@ -49,7 +49,17 @@ fn every_bad_file_is_named_with_its_reason() {
     good_folder(folder.path(), 6);
     spoil(folder.path());
     let said = fail_with(2, &mut run(results.path(), folder.path(), &[]));
-    for part in ["cut.jpg", "truncated", "dot.png", "1 × 1", "wide.png", "384 × 128", "text.jpg", "text file", "on_bad_file: skip"] {
+    for part in [
+        "cut.jpg",
+        "truncated",
+        "dot.png",
+        "1 × 1",
+        "wide.png",
+        "384 × 128",
+        "text.jpg",
+        "text file",
+        "on_bad_file: skip",
+    ] {
         assert!(said.contains(part), "{part} is missing in:\n{said}");
     }
 }

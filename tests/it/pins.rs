@@ -9,7 +9,11 @@ fn made(run: &std::path::Path) -> BTreeMap<String, String> {
     let events = std::fs::read_to_string(run.join("events.jsonl")).unwrap();
     let events = events.lines().map(|l| serde_json::from_str::<serde_json::Value>(l).unwrap());
     let cached = events.filter(|e| e["event"] == "stage_artefact");
-    cached.map(|e| (format!("{} v{}", e["stage"].as_str().unwrap(), e["version"]), e["hash"].as_str().unwrap().to_owned())).collect()
+    cached
+        .map(|e| {
+            (format!("{} v{}", e["stage"].as_str().unwrap(), e["version"]), e["hash"].as_str().unwrap().to_owned())
+        })
+        .collect()
 }
 
 #[test]
@@ -23,5 +27,8 @@ fn a_changed_result_needs_a_changed_stage_version() {
         std::fs::write(&path, &text).unwrap();
     }
     let pinned = std::fs::read_to_string(&path).unwrap_or_default();
-    assert_eq!(text, pinned, "raise the version of the changed stage in src/study/stages.rs, then set PANOTUNE_BLESS=1");
+    assert_eq!(
+        text, pinned,
+        "raise the version of the changed stage in src/study/stages.rs, then set PANOTUNE_BLESS=1"
+    );
 }

@@ -39,7 +39,8 @@ fn said(output: &Output) -> String {
 
 /// Runs the tiny experiment with `args` and returns the run's folder.
 pub fn tiny(results: &Path, args: &[&str]) -> PathBuf {
-    let out = succeed(panotune(results).args(["run", "experiments/optuna_inception.yaml", "--profile", "tiny"]).args(args));
+    let out =
+        succeed(panotune(results).args(["run", "experiments/optuna_inception.yaml", "--profile", "tiny"]).args(args));
     PathBuf::from(out.lines().last().expect("the folder is printed last"))
 }
 
