@@ -28,6 +28,8 @@ mod tests;
 
 use std::path::{Path, PathBuf};
 
+use rayon::prelude::*;
+
 use crate::error::{Class, Classify};
 use crate::evaluate::Quantity;
 use crate::store;
@@ -86,7 +88,7 @@ struct Plan {
 /// Where a run has no data for a figure, the figure says so in a sentence.
 pub fn draw_all(run: &RunArtefacts) -> Result<Vec<Figure>, Error> {
     plans(run)
-        .into_iter()
+        .into_par_iter()
         .map(|Plan { name, title, caption, drawing }| {
             let svg = svg::render(&drawing, title)?;
             let png = png::render(&drawing)?;
