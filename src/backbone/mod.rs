@@ -15,6 +15,8 @@ mod parameters;
 mod pooling;
 mod resnet50;
 mod tensors;
+#[cfg(test)]
+mod tests;
 
 use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
@@ -35,7 +37,7 @@ use parameters::{Parameters, Prepared};
 
 /// Images that one thread takes through the network together: enough to read the weights seldom, few enough that maps stay in
 /// the cache.
-const GROUP: usize = 4;
+pub(crate) const GROUP: usize = 2;
 
 /// Most images that batch norms are calibrated on; their maps are in memory together.
 const CALIBRATION_IMAGES: usize = 32;
@@ -161,6 +163,17 @@ impl Backbone {
     /// Length of one image's features: Σ over taps of channels × (1 + rings).
     pub fn dim(&self) -> usize {
         self.network.dim()
+    }
+
+    /// Names of the taps and their channels, in the order of the features.
+    pub fn taps(&self) -> impl Iterator<Item = (&str, usize)> {
+        let graph = &self.network.graph;
+        graph.taps.iter().map(|t| (t.name.as_str(), graph.maps[t.map].channels))
+    }
+
+    /// Rings around the centre over which each tap is pooled, beside the whole map.
+    pub fn rings(&self) -> usize {
+        self.network.rings
     }
 
     /// Side of the input in pixels.

@@ -10,6 +10,7 @@ use crate::kernel::{Buffer, Shape, View, ViewMut, average_pool, isa, max_pool};
 pub(super) struct Network {
     pub graph: Graph,
     pub layers: Vec<Prepared>,
+    pub rings: usize,
     inputs: [(usize, [f32; 256]); 3],
     buffer_of: Vec<usize>,
     buffer_sizes: Vec<usize>,
@@ -28,7 +29,7 @@ impl Network {
         let (buffer_of, buffer_sizes) = graph.buffers();
         let pooling = |map: usize| Pooling::new(graph.maps[map].height, graph.maps[map].width, rings);
         let poolings = graph.taps.iter().map(|t| pooling(t.map)).collect();
-        Self { inputs: preprocessing.tables(), graph, layers, buffer_of, buffer_sizes, poolings }
+        Self { inputs: preprocessing.tables(), graph, layers, rings, buffer_of, buffer_sizes, poolings }
     }
 
     /// Length of one image's features.

@@ -1,15 +1,19 @@
 //! Features: the frozen backbone's pooled outputs, computed once for each copy of each view.
+//!
+//! On disk, `features.bin` holds the rows one after the other as little-endian `f32`, and `features.json` says what they are.
 
-use std::io::Write;
+mod set;
+mod write;
 
-use memmap2::Mmap;
-use rayon::prelude::*;
+pub use set::FeatureSet;
+pub use write::write;
+
+use std::path::PathBuf;
+
 use serde::{Deserialize, Serialize};
 
-use crate::backbone::Backbone;
 use crate::error::{Class, Classify};
-use crate::pipeline::progress::Progress;
-use crate::store::{self, Artefact, ArtefactWriter, AtomicFile};
+use crate::store;
 
 /// Which view, and which copy of it, one row of a feature matrix belongs to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -19,77 +23,59 @@ pub struct FeatureRow {
     /// 0: the plain view; others: changed copies (training views only).
     pub copy: u32,
 }
+
+/// Numbers as they are stored.
+const MATRIX: &str = "features.bin";
+/// What the numbers are.
+const DESCRIPTION: &str = "features.json";
+/// Version of both files.
+const FORMAT: u32 = 1;
+
+/// Content of `features.json`.
+#[derive(Debug, Serialize, Deserialize)]
+struct Description {
+    format: u32,
+    /// Numbers of a row.
+    dim: usize,
+    /// Blocks that they come from, in order.
+    taps: Vec<TapDescription>,
+    /// Rings around the centre over which each block is pooled, beside the whole map.
+    rings: usize,
+    rows: Vec<FeatureRow>,
+}
+
+/// One block's part of a row: `channels` × (1 + rings) numbers.
+#[derive(Debug, Serialize, Deserialize)]
+struct TapDescription {
+    name: String,
+    channels: usize,
+}
+
+/// What can go wrong with features.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    #[error("damaged {0}")]
-    Damaged(String),
+    /// The user stopped the work.
+    #[error("interrupted while computing features")]
+    Interrupted,
+    /// A stored matrix is not what its description says.
+    #[error("features `{}` are damaged: {reason}", path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// How that was seen.
+        reason: String,
+    },
+    /// The disk.
     #[error(transparent)]
     Store(#[from] store::Error),
-    #[error("interrupted")]
-    Interrupted,
 }
+
 impl Classify for Error {
     fn class(&self) -> Class {
         match self {
             Error::Interrupted => Class::Interrupted,
-            _ => Class::Run,
+            Error::Damaged { .. } => Class::Run,
+            Error::Store(e) => e.class(),
         }
     }
-}
-#[derive(Serialize, Deserialize)]
-struct Index {
-    dim: usize,
-    rows: Vec<FeatureRow>,
-}
-pub struct FeatureSet {
-    index: Index,
-    map: Mmap,
-}
-impl FeatureSet {
-    pub fn open(artefact: &Artefact) -> Result<Self, Error> {
-        let index = serde_json::from_slice(&store::read(&artefact.path("features.json"))?)
-            .map_err(|e| Error::Damaged(e.to_string()))?;
-        let file = std::fs::File::open(artefact.path("features.bin")).map_err(|e| Error::Damaged(e.to_string()))?;
-        let map = unsafe { Mmap::map(&file) }.map_err(|e| Error::Damaged(e.to_string()))?;
-        Ok(Self { index, map })
-    }
-    pub fn dim(&self) -> usize {
-        self.index.dim
-    }
-    pub fn rows(&self) -> &[FeatureRow] {
-        &self.index.rows
-    }
-    pub fn all(&self) -> &[f32] {
-        let (a, b, c) = unsafe { self.map.align_to::<f32>() };
-        assert!(a.is_empty() && c.is_empty());
-        b
-    }
-    pub fn row(&self, i: usize) -> &[f32] {
-        &self.all()[i * self.dim()..][..self.dim()]
-    }
-}
-pub fn write(
-    writer: &ArtefactWriter,
-    backbone: &Backbone,
-    rows: &[FeatureRow],
-    image: &(dyn Fn(FeatureRow) -> Vec<u8> + Sync),
-    progress: &dyn Progress,
-) -> Result<(), Error> {
-    progress.begin("features", rows.len() as u64);
-    let mut f = AtomicFile::create(&writer.path("features.bin"))?;
-    for chunk in rows.chunks(32) {
-        if progress.interrupted() {
-            return Err(Error::Interrupted);
-        }
-        let images: Vec<u8> = chunk.par_iter().map(|r| image(*r)).collect::<Vec<_>>().concat();
-        let feats = backbone.features(&images, chunk.len());
-        for v in feats {
-            f.write_all(&v.to_le_bytes()).map_err(|e| Error::Damaged(e.to_string()))?;
-        }
-        progress.advance(chunk.len() as u64);
-    }
-    f.commit()?;
-    store::write_json(&writer.path("features.json"), &Index { dim: backbone.dim(), rows: rows.to_vec() })?;
-    progress.end();
-    Ok(())
 }

@@ -5,8 +5,8 @@ use super::map::{Reader, View, ViewMut, Window};
 use super::simd::{Isa, isa};
 use super::tile::{Tile, panels, tile_fn, tile_rows};
 
-/// Depth of a block of weights, chosen so that its widest panel stays in the first-level cache.
-const DEPTH: usize = 192;
+/// Depth of a block of weights, chosen so that its widest panel and two tiles' inputs stay in the first-level cache.
+const DEPTH: usize = 128;
 /// Output pixels that share one pass over the weights, a multiple of every tile's rows.
 const PIXELS: usize = 192;
 
