@@ -1,14 +1,23 @@
 //! Views rendered from panoramas, divided into subsets by panorama.
 
+mod augment;
 mod error;
+pub mod render;
 mod sample;
+mod spectrum;
 mod split;
+mod store;
+#[cfg(test)]
+mod band_limit_tests;
 #[cfg(test)]
 mod testing;
 
+pub use augment::{augmented, resample};
 pub use error::Error;
 pub use sample::{largest_resolution, plan_views};
+pub use spectrum::radial_log_power;
 pub use split::{check_no_leak, split};
+pub use store::{Dataset, write};
 
 use serde::{Deserialize, Serialize};
 
