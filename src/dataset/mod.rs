@@ -8,6 +8,8 @@ mod spectrum;
 mod split;
 mod store;
 #[cfg(test)]
+mod band_limit_tests;
+#[cfg(test)]
 mod testing;
 
 pub use augment::{augmented, resample};
@@ -15,7 +17,7 @@ pub use error::Error;
 pub use sample::{largest_resolution, plan_views};
 pub use spectrum::radial_log_power;
 pub use split::{check_no_leak, split};
-pub use store::{Dataset, render_views, write};
+pub use store::{Dataset, write};
 
 use serde::{Deserialize, Serialize};
 

@@ -8,7 +8,8 @@
 
 use rayon::prelude::*;
 
-use super::blur::half_kernel;
+use super::Texel;
+use super::blur::{WIDE, blur_widely, half_kernel, with_ends};
 use crate::panorama::Equirect;
 
 /// Variance of what is read from level 0: the pixel's own area and linear interpolation.
@@ -16,9 +17,6 @@ pub const FINEST: f64 = 0.25;
 
 /// From this level on the grid is halved every fourth level, which keeps the blur above 0.7 of its pixels.
 const FIRST_HALVED: usize = 7;
-
-/// Red, green, blue and nothing, in sRGB code values; four, since that is what a register holds.
-pub type Texel = [f32; 4];
 
 /// Levels 0, 1, … of one panorama.
 #[derive(Debug)]
@@ -64,8 +62,8 @@ impl Levels {
     /// pixel is the mean of a square, and keep `enough_px` of width.
     pub fn reduction(width: usize, height: usize, enough_px: usize) -> usize {
         let mut factor = 1;
-        let fits = |f: usize| width.is_multiple_of(2 * f) && height.is_multiple_of(2 * f);
-        while fits(2 * factor) && width / (2 * factor) >= enough_px {
+        let fits = |f: usize| width.is_multiple_of(f) && height.is_multiple_of(f) && width / f >= enough_px;
+        while fits(2 * factor) {
             factor *= 2;
         }
         factor
@@ -135,7 +133,7 @@ impl Level {
         let added = (variance - self.variance) / unit;
         // A pair's mean blurs by 1/4; interpolation on the coarser grid by (2² − 1²)/6 more than on this.
         let by_halving = if halve { 0.25 + 0.5 } else { 0.0 };
-        let along_column = half_kernel(added - by_halving, self.height / 2);
+        let along_column = half_kernel(added - by_halving);
         self.blurred(&along_column, variance, stride, |sine| added / (sine * sine) - by_halving)
     }
 
@@ -148,15 +146,23 @@ impl Level {
         let column = averaged(column, stride);
         next.fill(|y, row| {
             let sine = libm::sin(core::f64::consts::PI * (y as f64 + 0.5) / height as f64);
-            let along = averaged(&half_kernel(of_row(sine), self.width / 2 - 1), stride);
+            let variance = of_row(sine);
+            let mut sum = vec![[0.0; 4]; self.width];
+            self.add_column(&column, (y * stride) as isize, stride, &mut sum);
+            let by_kernel = if variance < WIDE {
+                variance
+            } else {
+                blur_widely(&mut sum, variance);
+                0.0
+            };
+            let along = averaged(&half_kernel(by_kernel), stride);
             // The first tap of an average of two lies as far before the pair as the last behind it.
-            let reach = (along.len() - stride) / 2;
-            let mut sum = vec![[0.0; 4]; self.width + 2 * reach];
-            self.add_column(&column, (y * stride) as isize, stride, &mut sum[reach..reach + self.width]);
-            sum.copy_within(self.width..self.width + reach, 0);
-            sum.copy_within(reach..2 * reach, reach + self.width);
-            for (x, texel) in row.iter_mut().enumerate() {
-                *texel = weighted(&sum[x * stride..], &along);
+            let sum = with_ends(&sum, (along.len() - stride) / 2);
+            if stride == 1 {
+                along.iter().enumerate().for_each(|(k, &weight)| add(row, &sum[k..k + width], weight));
+            } else {
+                let means = row.iter_mut().enumerate();
+                means.for_each(|(x, texel)| *texel = weighted(&sum[x * stride..], &along));
             }
         });
         next
@@ -216,9 +222,10 @@ fn averaged(half: &[f32], stride: usize) -> Vec<f32> {
     (0..=whole.len()).map(|i| 0.5 * (at(i) + if i > 0 { at(i - 1) } else { 0.0 })).collect()
 }
 
-fn add(sum: &mut [Texel], row: &[Texel], weight: f32) {
-    for (s, t) in sum.iter_mut().zip(row) {
-        (0..4).for_each(|c| s[c] += weight * t[c]);
+/// Adds `row`, times `weight`, to `sum`. Over plain numbers, so that several are added at once.
+pub fn add(sum: &mut [Texel], row: &[Texel], weight: f32) {
+    for (s, v) in sum.as_flattened_mut().iter_mut().zip(row.as_flattened()) {
+        *s += weight * v;
     }
 }
 

@@ -22,10 +22,12 @@ mod pose;
 pub use levels::Levels;
 pub use pose::Pose;
 
-use levels::Texel;
-use optics::Optics;
+use optics::{Optics, Source};
 
 use super::View;
+
+/// Red, green, blue and nothing, in sRGB code values; four, since that is what a register holds.
+type Texel = [f32; 4];
 
 /// Grid points per R-pixel, each way.
 const OVERSAMPLING: usize = 2;
@@ -59,10 +61,9 @@ pub fn render(levels: &Levels, view: &View, pose: &Pose, frame: Frame) -> Vec<u8
     let side = OVERSAMPLING * frame.resolution as usize + 2 * MARGIN;
     let mut grid = vec![[0.0; 4]; side * side];
     let place = |i: usize| (i as f64 + 0.5 - side as f64 / 2.0) / OVERSAMPLING as f64;
-    for (y, row) in grid.chunks_exact_mut(side).enumerate() {
-        for (x, texel) in row.iter_mut().enumerate() {
-            *texel = optics.read(levels, pose, place(x), place(y));
-        }
+    let source = Source { levels, pose: *pose };
+    for (y, line) in grid.chunks_exact_mut(side).enumerate() {
+        optics.read_line(&source, place(y), place, line);
     }
     resample(&grid, side, frame)
 }
@@ -106,9 +107,7 @@ fn resample(grid: &[Texel], side: usize, frame: Frame) -> Vec<u8> {
     for taps in &taps {
         sum.fill([0.0; 4]);
         for (line, &weight) in lines.chunks_exact(px).skip(taps.first).zip(&taps.weights) {
-            for (s, texel) in sum.iter_mut().zip(line) {
-                (0..4).for_each(|c| s[c] += weight * texel[c]);
-            }
+            levels::add(&mut sum, line, weight);
         }
         rgb.extend(sum.iter().flat_map(|s| [to_byte(s[0]), to_byte(s[1]), to_byte(s[2])]));
     }

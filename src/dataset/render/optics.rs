@@ -2,8 +2,8 @@
 
 use std::sync::LazyLock;
 
-use super::levels::{FINEST, Levels, Texel, level_of};
-use super::{Frame, Pose, READ_VARIANCE, angle};
+use super::levels::{FINEST, Levels, level_of};
+use super::{Frame, Pose, READ_VARIANCE, Texel, angle};
 use crate::dataset::View;
 
 /// Radii at which the footprint is tabulated.
@@ -45,7 +45,7 @@ impl Optics {
         let f = view.f_px * resolution / f64::from(frame.image_px);
         let xi = view.xi;
         // Short of the rim itself, where the scale along the radius vanishes.
-        let largest_r2 = if xi > 1.0 { (1.0 - 1e-9) / (xi * xi - 1.0) } else { f64::INFINITY };
+        let largest_r2 = if xi > 1.0 { (1.0 - 1e-6) / (xi * xi - 1.0) } else { f64::from(f32::MAX) };
         let farthest = REACH * resolution / core::f64::consts::SQRT_2 + 2.0;
         let mut optics =
             Self { f, xi, largest_r2, radial: xi > 1.0, per_radius: RADII as f64 / farthest, footprints: vec![] };
@@ -76,43 +76,82 @@ impl Optics {
         Footprint { level, share, spread, quadrature }
     }
 
-    /// What the view shows at (`x`, `y`) R-pixels from its centre.
-    #[inline]
-    pub fn read(&self, levels: &Levels, pose: &Pose, x: f64, y: f64) -> Texel {
-        let radius = (x * x + y * y).sqrt();
-        let footprint = &self.footprints[((radius * self.per_radius) as usize).min(RADII - 1)];
-        let outwards = footprint.spread / radius.max(1e-9);
-        let (dx, dy) = if self.radial { (x * outwards, y * outwards) } else { (-y * outwards, x * outwards) };
-        let (below, above) = (levels.level(footprint.level), levels.level(footprint.level + 1));
-        let mut sum = [0.0; 4];
-        for &(offset, weight) in &QUADRATURES[footprint.quadrature].points {
-            let ray = pose.turn(self.ray(x + offset * dx, y + offset * dy));
-            let azimuth = angle::atan2(ray[0], ray[2]);
-            let polar = angle::atan2((ray[0] * ray[0] + ray[2] * ray[2]).sqrt(), -ray[1]);
-            let (low, high) = (below.read(azimuth, polar), above.read(azimuth, polar));
-            for c in 0..4 {
-                sum[c] += weight * (low[c] + footprint.share * (high[c] - low[c]));
+    /// What the view shows along a line: at (`place(i)`, `y`) R-pixels from its centre, for each texel i.
+    pub fn read_line(&self, source: &Source<'_>, y: f64, place: impl Fn(usize) -> f64, line: &mut [Texel]) {
+        let mut rays = Rays::default();
+        let footprint = |i: usize| {
+            let radius = (place(i) * place(i) + y * y).sqrt();
+            (&self.footprints[((radius * self.per_radius) as usize).min(RADII - 1)], radius)
+        };
+        for i in 0..line.len() {
+            let (footprint, radius) = footprint(i);
+            let (x, outwards) = (place(i), footprint.spread / radius.max(1e-9));
+            let (dx, dy) = if self.radial { (x * outwards, y * outwards) } else { (-y * outwards, x * outwards) };
+            for &(offset, _) in &QUADRATURES[footprint.quadrature].points {
+                rays.push((x + offset * dx) / self.f, (y + offset * dy) / self.f);
             }
         }
-        sum
-    }
-
-    /// The ray at (`x`, `y`) R-pixels from the centre, or at the rim if that lies beyond it.
-    #[inline(always)]
-    fn ray(&self, x: f64, y: f64) -> [f32; 3] {
-        let (mut x, mut y) = (x / self.f, y / self.f);
-        let mut r2 = x * x + y * y;
-        if r2 > self.largest_r2 {
-            let shrink = (self.largest_r2 / r2).sqrt();
-            (x, y, r2) = (x * shrink, y * shrink, self.largest_r2);
+        self.aim(&source.pose, &mut rays);
+        let mut rays = rays.aimed();
+        for (i, texel) in line.iter_mut().enumerate() {
+            let (footprint, _) = footprint(i);
+            let (below, above) = (source.levels.level(footprint.level), source.levels.level(footprint.level + 1));
+            let mut sum = [0.0; 4];
+            for (&(_, weight), (azimuth, polar)) in QUADRATURES[footprint.quadrature].points.iter().zip(&mut rays) {
+                let (low, high) = (below.read(azimuth, polar), above.read(azimuth, polar));
+                (0..4).for_each(|c| sum[c] += weight * (low[c] + footprint.share * (high[c] - low[c])));
+            }
+            *texel = sum;
         }
-        let eta = self.eta(r2);
-        [(eta * x) as f32, (eta * y) as f32, (eta - self.xi) as f32]
     }
 
+    /// Turns places x̂, ŷ into azimuths and polar angles. Without a branch, so that several are done at once.
+    fn aim(&self, pose: &Pose, rays: &mut Rays) {
+        for (x, y) in rays.x.iter_mut().zip(&mut rays.y) {
+            let ray = pose.turn(self.ray(*x, *y));
+            *x = angle::atan2(ray[0], ray[2]);
+            *y = angle::atan2((ray[0] * ray[0] + ray[2] * ray[2]).sqrt(), -ray[1]);
+        }
+    }
+
+    /// The ray at (`x`, `y`) focal lengths from the centre, or at the rim if that lies beyond it.
     #[inline(always)]
+    fn ray(&self, x: f32, y: f32) -> [f32; 3] {
+        let (xi, largest_r2) = (self.xi as f32, self.largest_r2 as f32);
+        let r2 = x * x + y * y;
+        let shrink = (largest_r2 / if r2 > largest_r2 { r2 } else { largest_r2 }).sqrt();
+        let r2 = if r2 > largest_r2 { largest_r2 } else { r2 };
+        let square = 1.0 + (1.0 - xi * xi) * r2;
+        let eta = (xi + if square > 0.0 { square } else { 0.0 }.sqrt()) / (1.0 + r2);
+        [eta * x * shrink, eta * y * shrink, eta - xi]
+    }
+
     fn eta(&self, r2: f64) -> f64 {
         (self.xi + (1.0 + (1.0 - self.xi * self.xi) * r2).max(0.0).sqrt()) / (1.0 + r2)
+    }
+}
+
+/// A panorama and where the camera looks in it.
+pub struct Source<'a> {
+    pub levels: &'a Levels,
+    pub pose: Pose,
+}
+
+/// Places x̂, ŷ on the plane at focal length 1; after [`Optics::aim`], azimuths and polar angles.
+#[derive(Default)]
+struct Rays {
+    x: Vec<f32>,
+    y: Vec<f32>,
+}
+
+impl Rays {
+    fn push(&mut self, x: f64, y: f64) {
+        self.x.push(x as f32);
+        self.y.push(y as f32);
+    }
+
+    fn aimed(&self) -> impl Iterator<Item = (f32, f32)> {
+        self.x.iter().copied().zip(self.y.iter().copied())
     }
 }
 
@@ -167,8 +206,8 @@ mod tests {
             let optics = Optics::new(&view(0, "a", f, xi), FRAME, 1024);
             let camera = Camera::centred(f, xi, 299);
             for (u, v) in [(0.5, 0.5), (149.5, 149.5), (290.0, 20.0)] {
-                let in_r = |p: f64| (p - 149.5) * 97.0 / 299.0;
-                let (ray, expected) = (optics.ray(in_r(u), in_r(v)), camera.unproject(u, v).unwrap());
+                let place = |p: f64| ((p - 149.5) / f) as f32;
+                let (ray, expected) = (optics.ray(place(u), place(v)), camera.unproject(u, v).unwrap());
                 (0..3).for_each(|c| assert!((f64::from(ray[c]) - expected[c]).abs() < 1e-6));
             }
         }
@@ -191,11 +230,12 @@ mod tests {
                 let v = v * (1.0 + f64::from(footprint.share) * (core::f64::consts::SQRT_2 - 1.0));
                 let level_sd = v.sqrt() * core::f64::consts::TAU / 1024.0;
                 let scale = |dx: f64, dy: f64| {
-                    let (a, b) = (optics.ray(radius - dx, -dy), optics.ray(radius + dx, dy));
+                    let ray = |dx: f64, dy: f64| optics.ray(((radius + dx) / optics.f) as f32, (dy / optics.f) as f32);
+                    let (a, b) = (ray(-dx, -dy), ray(dx, dy));
                     let angle: f64 = (0..3).map(|c| f64::from(a[c] - b[c]) * f64::from(a[c] - b[c])).sum();
                     2.0 * (dx + dy) / angle.sqrt()
                 };
-                let (along, across) = (level_sd * scale(0.01, 0.0), level_sd * scale(0.0, 0.01));
+                let (along, across) = (level_sd * scale(0.1, 0.0), level_sd * scale(0.0, 0.1));
                 let (fixed, added) = if optics.radial { (across, along) } else { (along, across) };
                 let total = added * added + footprint.spread * footprint.spread;
                 assert!((fixed * fixed / READ_VARIANCE - 1.0).abs() < 0.01, "f {f}, ξ {xi}, radius {radius}: {fixed}");
