@@ -172,7 +172,8 @@ fn key_hint(schema: KeySchema, node: &Node) -> Option<String> {
     if quoted_number {
         return Some("leave the quotes out".to_owned());
     }
-    let description = first_sentence(schema.description()?);
+    let description = if schema.allows("object") { schema.description() } else { schema.type_description() };
+    let description = first_sentence(description.or(schema.description())?);
     Some(format!("it takes {}: {description}", wanted(schema)))
 }
 

@@ -92,7 +92,7 @@ impl Diagnostic {
         report.help = self.hint.clone();
         let source = self.place.as_ref().and_then(snippet);
         if let (Some((_, span)), Some(_)) = (&source, &self.place) {
-            report.labels = Some(vec![LabeledSpan::new_primary_with_span(None, span.clone())]);
+            report.labels = Some(vec![LabeledSpan::new_primary_with_span(Some("here".to_owned()), span.clone())]);
         }
         let report = miette::Report::new(report);
         let report = match source {

@@ -114,7 +114,7 @@ impl Loader<'_> {
             let misfits = check("Experiment", &tree);
             let faulty: Vec<Vec<String>> = misfits.iter().map(|m| m.path.clone()).collect();
             mistakes.extend(misfits.into_iter().map(|m| m.diagnostic));
-            mistakes.extend(rules::check(&tree, &faulty));
+            mistakes.extend(rules::check(&source, &tree, &faulty));
         }
         if !mistakes.is_empty() {
             return Err(mistakes);

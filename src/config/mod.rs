@@ -6,6 +6,7 @@
 
 pub mod spec;
 
+mod agree;
 mod check;
 mod compose;
 mod embedded;

@@ -88,6 +88,11 @@ impl KeySchema {
         self.at_key.get("description").or(self.of_type.get("description"))?.as_str()
     }
 
+    /// What values of the key's type look like.
+    pub fn type_description(&self) -> Option<&'static str> {
+        self.of_type.get("description")?.as_str()
+    }
+
     /// Keys of a mapping.
     pub fn keys(&self) -> Vec<&'static str> {
         self.of_type["properties"].as_object().map_or(Vec::new(), |p| p.keys().map(String::as_str).collect())

@@ -2,6 +2,7 @@
 
 use serde_json::Value;
 
+use super::error::{ConfigErrors, Diagnostic};
 use super::load::LoadedExperiment;
 use crate::store::{Hash, hash_json};
 
@@ -48,6 +49,16 @@ impl LoadedExperiment {
         let steps: Vec<&str> = path.split('.').collect();
         let node = (1..=steps.len()).rev().find_map(|n| self.tree.at(&steps[..n]))?;
         Some(node.place.file_line())
+    }
+}
+
+impl LoadedExperiment {
+    /// The mistake that the value at `path` is, as found by a part that knows more than the configuration does
+    /// (an unknown weights file, a folder with too few panoramas).
+    pub fn mistake(&self, path: &str, message: impl Into<String>, hint: impl Into<String>) -> ConfigErrors {
+        let steps: Vec<&str> = path.split('.').collect();
+        let node = (0..=steps.len()).rev().find_map(|n| self.tree.at(&steps[..n])).unwrap_or(&self.tree);
+        ConfigErrors::new(vec![Diagnostic::new(&node.place, message).hint(hint)])
     }
 }
 

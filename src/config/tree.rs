@@ -2,7 +2,7 @@
 //!
 //! `serde` keeps no positions and stops at the first mistake, so files are first read into this tree, from the
 //! events of a parser that gives spans. It accepts a plain part of YAML 1.2: one document, text keys, no tags, no
-//! merge keys, bounded size, depth and aliases; whatever it accepts means the same to `serde_yaml` (tested).
+//! merge keys, bounded size, depth and aliases; whatever it accepts means the same to `serde_yaml` (checked by [`agree`](super::agree)).
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -10,6 +10,7 @@ use std::sync::Arc;
 use saphyr_parser::{Event, Parser, ScalarStyle, Span, StrInput};
 use serde_json::Number;
 
+use super::agree::disagreement;
 use super::error::{Diagnostic, Place, Source, quoted};
 use super::scalar::{Scalar, resolve};
 
@@ -115,7 +116,10 @@ pub(super) fn parse(source: &Arc<Source>, from: usize) -> Result<Node, Vec<Diagn
     let mut reader = Reader::new(source, from, text);
     let node = reader.document();
     match node {
-        Ok(node) if reader.mistakes.is_empty() => Ok(node),
+        Ok(node) if reader.mistakes.is_empty() => match disagreement(&node, from) {
+            None => Ok(node),
+            Some(mistake) => Err(vec![mistake]),
+        },
         Ok(_) => Err(reader.mistakes),
         Err(last) => {
             reader.mistakes.push(last);
@@ -183,6 +187,9 @@ impl<'a> Reader<'a> {
         if let Some(tab) = tab_in_indentation(&self.source.text, start) {
             let place = Place { source: self.source.clone(), span: tab..tab + 1 };
             return Diagnostic::new(&place, "a tab in the indentation").hint("YAML is indented with spaces only");
+        }
+        if error.info().contains("recursion limit") {
+            return too_deep(&place);
         }
         Diagnostic::new(&place, format!("this is not YAML: {}", error.info()))
             .hint("check indentation, quotes and brackets here and on the line before")

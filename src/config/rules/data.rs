@@ -21,7 +21,7 @@ pub(super) fn dataset(rules: &mut Rules<'_>, spec: &DatasetSpec) {
     }
     if spec.focal_px.low == spec.focal_px.high {
         let message = "`dataset.focal_px.low` equals `high`: a focal length that is always the same cannot be learnt";
-        rules.refuse("dataset.focal_px.high", message, "give it a range, e.g. low 50, high 500");
+        rules.refuse("dataset.focal_px.high dataset.focal_px.low", message, "give it a range, e.g. low 50, high 500");
     }
     if spec.distortion.low < 0.0 {
         let message =
@@ -88,18 +88,18 @@ fn resolution(rules: &mut Rules<'_>, spec: &DatasetSpec) {
             "`dataset.resolution` {resolution} is more than panoramas {width} px wide hold; blur would reveal the focal length"
         );
         let hint = format!("lower it to {most}, or make `dataset.panoramas.width` at least {least}");
-        rules.refuse("dataset.resolution", message, hint);
+        rules.refuse("dataset.resolution dataset.panoramas.width", message, hint);
     }
     if spec.resolution > spec.image_px {
         let message = format!("`dataset.resolution` {resolution} is more than the {} pixels of a view", spec.image_px);
-        rules.refuse("dataset.resolution", message, "lower it to `dataset.image_px` or less");
+        rules.refuse("dataset.resolution dataset.image_px", message, "lower it to `dataset.image_px` or less");
     }
 }
 
 fn sampling(rules: &mut Rules<'_>, path: &str, spec: &SamplingSpec) {
     if spec.low > spec.high {
         let message = format!("`{path}.low` {} is above `high` {}", spec.low, spec.high);
-        rules.refuse(&format!("{path}.low"), message, "exchange the two");
+        rules.refuse(&format!("{path}.low {path}.high"), message, "exchange the two");
         return;
     }
     let Some(step) = spec.step else { return };
@@ -110,7 +110,7 @@ fn sampling(rules: &mut Rules<'_>, path: &str, spec: &SamplingSpec) {
         let message = format!("`{path}.step` {step} does not lead from {} to {}", spec.low, spec.high);
         let last = spec.low + ((spec.high - spec.low) / step).floor() * step;
         rules.refuse(
-            &format!("{path}.step"),
+            &format!("{path}.step {path}.high {path}.low"),
             message,
             format!("the last value of this grid would be {last}; make it `high`"),
         );
@@ -130,14 +130,15 @@ pub(super) fn split(rules: &mut Rules<'_>, spec: &SplitSpec, dataset: Option<&Da
     let sum = spec.train + spec.validation + spec.test;
     if (sum - 1.0).abs() > 1e-9 {
         let message = format!("the shares of `split` sum to {}, not to 1", (sum * 1e9).round() / 1e9);
-        rules.refuse("split.train", message, "e.g. train 0.8, validation 0.1, test 0.1");
+        rules.refuse("split.train split.validation split.test", message, "e.g. train 0.8, validation 0.1, test 0.1");
         return;
     }
     let Some(dataset) = dataset.filter(|d| d.panoramas.source == PanoramaSource::Procedural) else { return };
     for (name, share) in [("train", spec.train), ("validation", spec.validation), ("test", spec.test)] {
         if f64::from(dataset.panoramas.scenes) * share < 0.5 {
             let message = format!("{} scenes leave none for the subset `{name}`", dataset.panoramas.scenes);
-            rules.refuse("dataset.panoramas.scenes", message, format!("make more scenes, or raise `split.{name}`"));
+            let paths = format!("dataset.panoramas.scenes split.{name}");
+            rules.refuse(&paths, message, format!("make more scenes, or raise `split.{name}`"));
         }
     }
 }
@@ -148,7 +149,7 @@ pub(super) fn augment(rules: &mut Rules<'_>, spec: &AugmentSpec, space: Option<&
         let message =
             format!("`augment.copies` is {}, but no change is allowed, so all copies would be alike", spec.copies);
         rules.refuse(
-            "augment.copies",
+            "augment.copies augment",
             message,
             "write `copies: 1` (or `use: none`), or allow a change, e.g. `mirror: true`",
         );
@@ -157,6 +158,6 @@ pub(super) fn augment(rules: &mut Rules<'_>, spec: &AugmentSpec, space: Option<&
     if let (Some(index), 1) = (searched, spec.copies) {
         let message = "`train.augmentation_strength` is searched, but there are no changed copies for it to act on";
         let hint = "set `augment.copies` to 2 or more, or leave the parameter out of the space";
-        rules.refuse(&format!("search.space.parameters.{index}.set"), message, hint);
+        rules.refuse(&format!("search.space.parameters.{index}.set augment.copies"), message, hint);
     }
 }

@@ -4,9 +4,11 @@ mod data;
 mod model;
 mod space;
 
+use std::sync::Arc;
+
 use serde::de::DeserializeOwned;
 
-use super::error::Diagnostic;
+use super::error::{Diagnostic, Place, Source};
 use super::spec::{
     AugmentSpec, BackboneSpec, BaselineSpec, DatasetSpec, NetworkSpec, PrunerSpec, SpaceSpec, SplitSpec, TrainSpec,
 };
@@ -14,9 +16,9 @@ use super::tree::Node;
 
 /// Checks the sections of a composed experiment that are free of other mistakes.
 ///
-/// `faulty` holds the paths at which mistakes were found already; a section with one is left out.
-pub(super) fn check(tree: &Node, faulty: &[Vec<String>]) -> Vec<Diagnostic> {
-    let mut rules = Rules { tree, found: Vec::new() };
+/// `file` is the experiment's own; `faulty` holds the paths at which mistakes were found already; a section with one is left out.
+pub(super) fn check(file: &Arc<Source>, tree: &Node, faulty: &[Vec<String>]) -> Vec<Diagnostic> {
+    let mut rules = Rules { file, tree, found: Vec::new() };
     let sections = Sections { tree, faulty };
     let dataset: Option<DatasetSpec> = sections.get(&["dataset"]);
     let split: Option<SplitSpec> = sections.get(&["split"]);
@@ -71,17 +73,27 @@ impl Sections<'_> {
 
 /// What the rules found so far.
 struct Rules<'a> {
+    file: &'a Arc<Source>,
     tree: &'a Node,
     found: Vec<Diagnostic>,
 }
 
 impl Rules<'_> {
-    /// Notes a mistake about the value at `path`, or the nearest one above it that is written.
-    fn refuse(&mut self, path: &str, message: impl Into<String>, hint: impl Into<String>) {
+    /// Notes a mistake about the values at `paths`, separated by blanks (or the nearest ones above that are written).
+    ///
+    /// It is shown at the first of them that the user wrote, in the experiment's file or an option, else at the first.
+    fn refuse(&mut self, paths: &str, message: impl Into<String>, hint: impl Into<String>) {
+        let places: Vec<&Place> = paths.split(' ').map(|path| self.place(path)).collect();
+        let written = |place: &&Place| !place.source.has_lines || place.source == *self.file;
+        let place =
+            places.iter().copied().find(written).or(places.first().copied()).unwrap_or(&self.tree.place).clone();
+        self.found.push(Diagnostic { message: message.into(), hint: Some(hint.into()), place: Some(place) });
+    }
+
+    fn place(&self, path: &str) -> &Place {
         let steps: Vec<&str> = path.split('.').collect();
         let node = (0..=steps.len()).rev().find_map(|n| self.tree.at(&steps[..n]));
-        let place = node.unwrap_or(self.tree).place.clone();
-        self.found.push(Diagnostic { message: message.into(), hint: Some(hint.into()), place: Some(place) });
+        &node.unwrap_or(self.tree).place
     }
 }
 

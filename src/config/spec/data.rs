@@ -52,7 +52,7 @@ pub enum BadFile {
 pub struct PanoramaSpec {
     /// Generator or folder.
     pub source: PanoramaSource,
-    /// Folder of equirectangular images (`source: directory`).
+    /// Folder of equirectangular images (`source: directory`), relative to the folder in which the program is started.
     #[serde(default)]
     pub path: Option<String>,
     /// CSV file with columns `file` and `group`, relative to `path`; views of one group stay in one subset.

@@ -3,11 +3,13 @@
 use super::{experiment, file, from_text, root};
 use crate::config::spec::{Architecture, PrunerKind, SamplerKind};
 
-/// One key, `train.epochs`, with more and more layers that set it.
+/// File, `--profile`, `--set`; the value and part of its origin.
+type Case = (&'static str, Option<&'static str>, &'static [&'static str], u32, &'static str);
+
 #[test]
 fn a_higher_layer_wins() {
     // piece `head` 150; profile desk 150, smoke 30, tiny 4; file 77; --set 5
-    let cases: [(&str, Option<&str>, &[&str], u32, &str); 7] = [
+    let cases: [Case; 7] = [
         ("seed: 1", None, &[], 150, "configs/profile/desk.yaml"),
         ("seed: 1\nprofile: smoke", None, &[], 30, "configs/profile/smoke.yaml"),
         ("seed: 1\nprofile: smoke\ntrain: {epochs: 77}", None, &[], 77, "study.yaml:3"),
@@ -99,6 +101,13 @@ fn a_shown_value_names_its_line() {
     assert!(line("kind: experiment").ends_with("# built-in default"));
     assert!(line("dataset.pose.yaw_deg: [-180.0, 180.0]").contains("dataset/wide_angle.yaml"));
     assert!(!loaded.show(false).contains('#') && loaded.show(false).lines().count() == shown.lines().count());
+}
+
+#[test]
+fn a_part_that_knows_more_can_point_at_a_value() {
+    let loaded = from_text("seed: 1\nbackbone:\n  weights: mine\n").unwrap();
+    let mistake = loaded.mistake("backbone.weights", "no weights `mine`", "install them");
+    assert!(mistake.to_string().ends_with("study.yaml:3:12: no weights `mine`"), "{mistake}");
 }
 
 #[test]

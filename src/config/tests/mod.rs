@@ -1,6 +1,7 @@
 //! Tests of whole files: what is shipped, what is refused, how layers compose.
 
 mod bad_files;
+mod contradictions;
 mod layers;
 mod parity;
 mod shipped;
@@ -8,6 +9,7 @@ mod shipped;
 use std::path::{Path, PathBuf};
 
 use super::{ConfigErrors, Loaded, LoadedExperiment, load};
+use crate::error::{Class, Classify};
 
 /// The project's folder.
 fn root() -> &'static Path {
@@ -34,4 +36,28 @@ fn experiment(file: &Path, profile: Option<&str>, sets: &[&str]) -> Result<Loade
 fn from_text(text: &str) -> Result<LoadedExperiment, ConfigErrors> {
     let (_folder, path) = file(text.as_bytes());
     experiment(&path, None, &[])
+}
+
+fn refused(text: &[u8]) -> ConfigErrors {
+    let (_folder, path) = file(text);
+    match load(&path, None, &[]) {
+        Err(errors) => errors,
+        Ok(_) => panic!("accepted: {}", String::from_utf8_lossy(text)),
+    }
+}
+
+/// A refused file: its text; where and what; part of the hint.
+type Case = (&'static str, &'static str, &'static str);
+
+fn check(cases: &[Case]) {
+    for (text, message, hint) in cases {
+        let errors = refused(text.as_bytes());
+        let found = errors
+            .diagnostics()
+            .iter()
+            .any(|d| d.to_string().ends_with(message) && d.hint.as_deref().unwrap_or_default().contains(hint));
+        assert!(found, "{text}\nexpected {message} ({hint})\nfound\n{}", errors.render(false));
+        assert_eq!(errors.diagnostics().len(), 1, "{text}\n{}", errors.render(false));
+        assert_eq!(errors.class(), Class::Input);
+    }
 }

@@ -126,7 +126,7 @@ fn a_resolved_experiment_loads_again_as_itself() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 32, ..Default::default() })]
+    #![proptest_config(ProptestConfig { cases: 32, failure_persistence: None, ..Default::default() })]
     /// Numbers reach the specification exactly, and come out of it exactly.
     #[test]
     fn numbers_are_exact(rate in 1e-8f64..10.0, seed: u64) {
