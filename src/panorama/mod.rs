@@ -1,5 +1,7 @@
 //! Panoramas: generated scenes or a folder of images, as a catalogue of 360° equirectangular images.
 
+pub mod procedural;
+
 use serde::{Deserialize, Serialize};
 
 /// One 360° image of the catalogue.
