@@ -155,7 +155,7 @@ impl Material {
         }
         if self.rough > 0.0 {
             let scale = 1.0 / self.size;
-            k += self.rough * octaves3(s.p * scale, 5, 0.6, s.foot.mean() * scale, self.seed);
+            k += self.rough * octaves3(s.p * scale, 7, 0.68, s.foot.mean() * scale, self.seed);
         }
         look.colour = look.colour * most(k, 0.05);
         look

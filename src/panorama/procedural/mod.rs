@@ -11,6 +11,7 @@ mod bvh;
 mod dice;
 mod facade;
 mod ground;
+mod land;
 mod land_map;
 mod light;
 mod material;
@@ -77,7 +78,12 @@ pub fn kind_of(seed: u64, index: u32, mix: &SceneMix) -> SceneKind {
 ///
 /// `width` should be even; rows are rendered in parallel, with the same bits for any number of threads.
 pub fn render(seed: u64, index: u32, kind: SceneKind, width: u32) -> Vec<u8> {
-    render::equirect(&street::street(seed, index), width)
+    let scene = match kind {
+        SceneKind::Room => street::street(seed, index),
+        SceneKind::Street => street::street(seed, index),
+        SceneKind::Land => land::land(seed, index),
+    };
+    render::equirect(&scene, width)
 }
 
 #[cfg(test)]

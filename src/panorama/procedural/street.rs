@@ -255,7 +255,7 @@ pub fn clear_of(b: &Builder, eye: V3) -> V3 {
         let near = b.solids.iter().any(|solid| {
             let bounds = solid.bounds();
             let gap = (bounds.low - at).most(at - bounds.high).most(V3::default());
-            gap.length() < 0.45
+            gap.length() < 0.8
         });
         if !near {
             return at;
