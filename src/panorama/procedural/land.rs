@@ -11,7 +11,7 @@ use super::scene::{Builder, Scene};
 use super::shape::{Place, Shape};
 use super::sky::Weather;
 use super::street::clear_of;
-use super::vector::{V3, grey, tint, v3};
+use super::vector::{grey, tint, v3};
 
 /// A convex part of the plane: its corners (x, z) in order.
 type Polygon = Vec<(f32, f32)>;
@@ -62,16 +62,17 @@ pub fn land(seed: u64, index: u32) -> Scene {
 
 fn country(b: &mut Builder, dusk: bool) -> Country {
     let (c, s) = b.dice.turn();
-    let far = b.dice.f(0.0, 220.0);
-    let village = if b.dice.chance(0.6) { (c * far, s * far, b.dice.f(60.0, 220.0)) } else { (0.0, 0.0, 0.0) };
+    let high = b.dice.chance(0.55);
+    let far = if high { b.dice.f(0.0, 220.0) } else { b.dice.f(0.0, 90.0) };
+    let village = if b.dice.chance(0.7) { (c * far, s * far, b.dice.f(60.0, 220.0)) } else { (0.0, 0.0, 0.0) };
     let brown = b.dice.near(tint(0.45, 0.36, 0.26), 0.3);
     Country {
         dusk,
-        high: b.dice.chance(0.55),
+        high,
         grain: b.dice.f(0.0, core::f32::consts::PI),
-        field: b.dice.log(1500.0, 16000.0),
+        field: if high { b.dice.log(1500.0, 16000.0) } else { b.dice.log(500.0, 4000.0) },
         village,
-        hedges: b.dice.f(0.0, 0.7),
+        hedges: b.dice.f(0.1, 0.8),
         woods: b.dice.f(0.02, 0.2),
         wet: b.dice.f(0.0, 0.12),
         species: [Species::draw(b), Species::draw(b), Species::draw(b)],

@@ -10,6 +10,7 @@ mod building;
 mod bvh;
 mod dice;
 mod facade;
+mod furniture;
 mod ground;
 mod land;
 mod land_map;
@@ -19,12 +20,14 @@ mod noise;
 mod plants;
 mod props;
 mod render;
+mod room;
 mod scene;
 mod shape;
 mod sky;
 mod street;
 mod street_map;
 mod vector;
+mod walls;
 
 use crate::config::spec::SceneMix;
 
@@ -79,7 +82,7 @@ pub fn kind_of(seed: u64, index: u32, mix: &SceneMix) -> SceneKind {
 /// `width` should be even; rows are rendered in parallel, with the same bits for any number of threads.
 pub fn render(seed: u64, index: u32, kind: SceneKind, width: u32) -> Vec<u8> {
     let scene = match kind {
-        SceneKind::Room => street::street(seed, index),
+        SceneKind::Room => room::room(seed, index),
         SceneKind::Street => street::street(seed, index),
         SceneKind::Land => land::land(seed, index),
     };
