@@ -17,7 +17,7 @@ pub use error::Error;
 pub use sample::{largest_resolution, plan_views};
 pub use spectrum::radial_log_power;
 pub use split::{check_no_leak, split};
-pub use store::{Dataset, write};
+pub use store::{Dataset, render_views, write};
 
 use serde::{Deserialize, Serialize};
 

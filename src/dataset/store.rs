@@ -11,7 +11,7 @@ use super::render::{self, Frame, Levels, Pose};
 use super::{Error, View, sample};
 use crate::config::spec::DatasetSpec;
 use crate::panorama::Equirect;
-use crate::pipeline::progress::Progress;
+use crate::pipeline::progress::{Progress, Silent};
 use crate::store::{self, Artefact, ArtefactWriter, AtomicFile};
 
 const FORMAT: u32 = 1;
@@ -63,6 +63,11 @@ pub fn write<'a>(
     store::write_json(&writer.path(LABELS), &labels)?;
     progress.end();
     Ok(())
+}
+
+/// The pixels of `views`, all of the panorama `image`: what [`write`] writes for them.
+pub fn render_views(image: &Equirect<'_>, views: &[View], spec: &DatasetSpec) -> Vec<Vec<u8>> {
+    render_all(views, spec, &levels_for(views, spec, image), &Silent)
 }
 
 fn levels_for(views: &[View], spec: &DatasetSpec, image: &Equirect<'_>) -> Levels {

@@ -142,8 +142,7 @@ impl Scene {
         let Some(h) = self.light.room else {
             return open * (0.72 + 0.28 * least(most(p.y - self.ground_y, 0.25 * (1.0 + n.y)), 1.0));
         };
-        let planes =
-            [(h.x - p.x, -n.x), (h.x + p.x, n.x), (p.y, n.y), (h.y - p.y, -n.y), (h.z - p.z, -n.z), (h.z + p.z, n.z)];
+        let planes = [(h.x - p.x, -n.x), (h.x + p.x, n.x), (p.y, n.y), (h.y - p.y, -n.y), (h.z - p.z, -n.z), (h.z + p.z, n.z)];
         for (distance, facing) in planes {
             if facing < 0.7 {
                 let near = 1.0 / (1.0 + 2.5 * most(distance, 0.0));

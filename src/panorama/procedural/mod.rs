@@ -10,7 +10,9 @@ mod building;
 mod bvh;
 mod dice;
 mod facade;
+mod furniture;
 mod ground;
+mod land;
 mod land_map;
 mod light;
 mod material;
@@ -18,12 +20,14 @@ mod noise;
 mod plants;
 mod props;
 mod render;
+mod room;
 mod scene;
 mod shape;
 mod sky;
 mod street;
 mod street_map;
 mod vector;
+mod walls;
 
 use crate::config::spec::SceneMix;
 
@@ -77,7 +81,12 @@ pub fn kind_of(seed: u64, index: u32, mix: &SceneMix) -> SceneKind {
 ///
 /// `width` should be even; rows are rendered in parallel, with the same bits for any number of threads.
 pub fn render(seed: u64, index: u32, kind: SceneKind, width: u32) -> Vec<u8> {
-    render::equirect(&street::street(seed, index), width)
+    let scene = match kind {
+        SceneKind::Room => room::room(seed, index),
+        SceneKind::Street => street::street(seed, index),
+        SceneKind::Land => land::land(seed, index),
+    };
+    render::equirect(&scene, width)
 }
 
 #[cfg(test)]

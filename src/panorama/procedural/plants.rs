@@ -54,7 +54,7 @@ impl Species {
             Habit::Poplar => {
                 b.tube(&place, V3::default(), 0.3 * height, (0.03 * height, 0.025 * height), self.bark);
                 let r = height * b.dice.f(0.1, 0.17);
-                b.ball(&place, v3(0.0, 0.56 * height, 0.0), v3(r, 0.45 * height, r), self.leaves);
+                b.crown(&place, v3(0.0, 0.56 * height, 0.0), v3(r, 0.45 * height, r), self.leaves);
             }
         }
     }
@@ -66,13 +66,13 @@ impl Species {
         b.tube(place, V3::default(), bare + 0.3 * radius, (thick, 0.7 * thick), self.bark);
         let middle = 0.5 * (height + bare);
         let tall = 0.5 * (height - bare);
-        b.ball(place, v3(0.0, middle, 0.0), v3(0.75 * radius, 0.8 * tall, 0.75 * radius), self.leaves);
+        b.crown(place, v3(0.0, middle, 0.0), v3(0.75 * radius, 0.8 * tall, 0.75 * radius), self.leaves);
         for _ in 0..detail {
             let (c, s) = b.dice.turn();
             let up = b.dice.f(-0.6, 0.7);
             let out = radius * b.dice.f(0.45, 0.75) * (1.0 - 0.5 * up * up);
             let r = radius * b.dice.f(0.3, 0.52);
-            b.ball(place, v3(c * out, middle + up * tall, s * out), v3(r, r * 0.85, r), self.leaves);
+            b.crown(place, v3(c * out, middle + up * tall, s * out), v3(r, r * 0.85, r), self.leaves);
         }
     }
 

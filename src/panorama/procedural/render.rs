@@ -83,7 +83,7 @@ fn is_edge(plain: &[V3], width: usize, height: usize, column: usize, row: usize)
 pub fn expose(scene: &mut Scene, target: f32) {
     let frame = Frame { width: 48, height: 24, yaw: scene.yaw };
     let mut values = Vec::with_capacity(48 * 24);
-    for row in 4..20 {
+    for row in 8..21 {
         for column in 0..48 {
             let ray = Ray::new(scene.eye, frame.direction(column as f64 + 0.5, row as f64 + 0.5));
             values.push(scene.radiance(&ray, 0.1).luminance());

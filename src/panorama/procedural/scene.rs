@@ -133,7 +133,7 @@ impl Scene {
                 let down = v3(0.0, nz, if n.z > 0.0 { -ny } else { ny });
                 make(x, down, (h.x, h.z / (2.0 * ny)))
             }
-            Shape::Ball(_) | Shape::Cone(_) | Shape::Axle(_) => {
+            Shape::Ball(_) | Shape::Crown(_) | Shape::Cone(_) | Shape::Axle(_) => {
                 let skew = (0.5 * (1.0 / (dn * dn) - 1.0).abs()).sqrt();
                 let base = make(x + z, y, (h.x, h.y));
                 Spot { foot: Foot { base: angle * touch.t, ku: skew, kv: skew }, ..base }
@@ -202,6 +202,11 @@ impl Builder {
         let centre = base + v3(0.0, 0.5 * height, 0.0);
         let shape = Shape::Cone(v3(0.5 * height, radius.0, radius.1));
         self.add(place.child(centre, (1.0, 0.0)), shape, material, material);
+    }
+
+    /// A ball of leaves.
+    pub fn crown(&mut self, place: &Place, centre: V3, radii: V3, material: u16) {
+        self.add(place.child(centre, (1.0, 0.0)), Shape::Crown(radii), material, material);
     }
 
     pub fn ball(&mut self, place: &Place, centre: V3, radii: V3, material: u16) {

@@ -1,5 +1,6 @@
 //! Solids and where a ray meets them: analytic, one solution each.
 
+use super::noise::noise3;
 use super::vector::{V3, least, most, v3};
 
 /// A ray: origin, unit direction, and the reciprocals of its direction for slab tests.
@@ -84,6 +85,8 @@ pub enum Shape {
     Cabin(V3),
     /// An ellipsoid by its radii.
     Ball(V3),
+    /// A ball of leaves: an ellipsoid with a broken surface.
+    Crown(V3),
     /// A cut cone along y: half height, radius below, radius above.
     Cone(V3),
     /// A cut cone along x: half length, radii at its ends.
@@ -106,7 +109,7 @@ impl Shape {
     /// Half sizes of the box around the solid.
     pub fn half(&self) -> V3 {
         match *self {
-            Shape::Block(h) | Shape::Gable(h) | Shape::Cabin(h) | Shape::Ball(h) => h,
+            Shape::Block(h) | Shape::Gable(h) | Shape::Cabin(h) | Shape::Ball(h) | Shape::Crown(h) => h,
             Shape::Cone(c) => v3(most(c.y, c.z), c.x, most(c.y, c.z)),
             Shape::Axle(c) => v3(c.x, most(c.y, c.z), most(c.y, c.z)),
         }
@@ -119,6 +122,7 @@ impl Shape {
             Shape::Gable(h) => gable(o, d, h, 0.0, far),
             Shape::Cabin(h) => gable(o, d, h, 0.62, far),
             Shape::Ball(r) => ball(o, d, r, far),
+            Shape::Crown(r) => crown(o, d, r, far),
             Shape::Cone(c) => cone(o, d, c, far),
             Shape::Axle(c) => {
                 let swap = |p: V3| v3(p.y, p.x, p.z);
@@ -203,6 +207,19 @@ fn ball(o: V3, d: V3, r: V3, far: f32) -> Option<Touch> {
         return None;
     }
     Some(Touch { t, n: ((o + e * t) * shrink).unit() })
+}
+
+/// Shells of leaves with gaps, and a closed core.
+fn crown(o: V3, d: V3, r: V3, far: f32) -> Option<Touch> {
+    for (share, gaps) in [(1.0, 0.15), (0.9, -0.1), (0.8, -0.3)] {
+        let touch = ball(o, d, r * share, far)?;
+        let p = o + d * touch.t;
+        let k = 6.0 / r.x;
+        if noise3(p.x * k + 9.0, p.y * k, p.z * k, r.z.to_bits()) > gaps {
+            return Some(touch);
+        }
+    }
+    ball(o, d, r * 0.68, far)
 }
 
 /// `c`: half height, radius below, radius above.

@@ -72,7 +72,7 @@ impl Weather {
         let glow = v3(1.4, 0.6, 0.25);
         let sky = Sky::new(dice, (zenith, horizon), y, glow, cover);
         let sun = v3(0.9, 0.42, 0.18) * dice.f(0.3, 1.0);
-        Self { sky, sun, above: v3(0.26, 0.27, 0.4), below: grey(0.08), dusk: true, haze: dice.log(2e-4, 1.5e-3) }
+        Self { sky, sun, above: v3(0.26, 0.27, 0.4), below: grey(0.08), dusk: true, haze: dice.log(1e-4, 6e-4) }
     }
 }
 

@@ -129,14 +129,7 @@ fn ends(b: &mut Builder, layout: &Layout, dusk: bool) {
     for end in [-1.0, 1.0] {
         if b.dice.chance(0.6) {
             let place = Place::new(v3(0.0, 0.0, end * (layout.reach + b.dice.f(3.0, 30.0))), (end, 0.0));
-            let plan = Plan {
-                width: b.dice.f(20.0, 50.0),
-                depth: 15.0,
-                storeys: b.dice.int(2, 7),
-                shops: false,
-                dusk,
-                detail: false,
-            };
+            let plan = Plan { width: b.dice.f(20.0, 50.0), depth: 15.0, storeys: b.dice.int(2, 7), shops: false, dusk, detail: false };
             building(b, &place, &plan);
         }
     }
@@ -147,8 +140,7 @@ fn ends(b: &mut Builder, layout: &Layout, dusk: bool) {
                     let x = side * (layout.half + layout.pavement + 22.0 * k as f32);
                     let at = z + b.dice.sign() * (half + 3.0);
                     let place = Place::new(v3(x + 8.0 * side, 0.0, at), if at > z { (1.0, 0.0) } else { (-1.0, 0.0) });
-                    let plan =
-                        Plan { width: 18.0, depth: 10.0, storeys: b.dice.int(1, 5), shops: false, dusk, detail: false };
+                    let plan = Plan { width: 18.0, depth: 10.0, storeys: b.dice.int(1, 5), shops: false, dusk, detail: false };
                     building(b, &place, &plan);
                 }
             }
@@ -263,7 +255,7 @@ pub fn clear_of(b: &Builder, eye: V3) -> V3 {
         let near = b.solids.iter().any(|solid| {
             let bounds = solid.bounds();
             let gap = (bounds.low - at).most(at - bounds.high).most(V3::default());
-            gap.length() < 0.45
+            gap.length() < 0.8
         });
         if !near {
             return at;
