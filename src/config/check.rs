@@ -22,6 +22,8 @@ fn compile(kind: &str) -> Option<Validator> {
 #[derive(Debug)]
 pub(super) struct Mistake {
     pub path: Vec<String>,
+    /// The key that it lacks, if that is the mistake.
+    pub missing: Option<String>,
     pub diagnostic: Diagnostic,
 }
 
@@ -30,7 +32,7 @@ pub(super) fn check(kind: &'static str, tree: &Node) -> Vec<Mistake> {
     let validator = if kind == "Suite" { &SUITE } else { &EXPERIMENT };
     let Some(validator) = validator.as_ref() else {
         let diagnostic = Diagnostic::nowhere("the program's own JSON Schema does not compile; this is a bug");
-        return vec![Mistake { path: Vec::new(), diagnostic }];
+        return vec![Mistake { path: Vec::new(), missing: None, diagnostic }];
     };
     let instance = tree.to_json();
     validator.iter_errors(&instance).flat_map(|error| explain(kind, tree, &error)).collect()
@@ -90,7 +92,7 @@ fn explain(kind: &str, tree: &Node, error: &ValidationError<'_>) -> Vec<Mistake>
     };
     let hint = schema.and_then(|s| key_hint(s, node));
     let diagnostic = Diagnostic { message: found, hint, place: Some(node.place.clone()) };
-    vec![Mistake { path, diagnostic }]
+    vec![Mistake { path, missing: None, diagnostic }]
 }
 
 fn steps(pointer: &str) -> Vec<String> {
@@ -114,7 +116,7 @@ fn unknown_key(schema: Option<KeySchema>, node: &Node, path: &[String], key: &st
     };
     let diagnostic = Diagnostic::new(place, format!("unknown key {}{above}", quoted(key))).hint(hint);
     let path = path.iter().cloned().chain([key.to_owned()]).collect();
-    Mistake { path, diagnostic }
+    Mistake { path, missing: None, diagnostic }
 }
 
 fn missing_key(schema: Option<KeySchema>, tree: &Node, path: Vec<String>, property: &serde_json::Value) -> Mistake {
@@ -131,7 +133,7 @@ fn missing_key(schema: Option<KeySchema>, tree: &Node, path: Vec<String>, proper
         }
         None => mistake,
     };
-    Mistake { path, diagnostic }
+    Mistake { path, missing: Some(key.to_owned()), diagnostic }
 }
 
 fn first_character(node: &Node) -> Place {

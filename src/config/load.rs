@@ -4,15 +4,15 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::check::{check, make_whole};
+use super::check::{Mistake, check, make_whole};
 use super::compose::{Layers, compose};
 use super::error::{ConfigErrors, Diagnostic, Source, choice_hint, quoted};
-use super::pieces::Library;
+use super::pieces::{Library, SECTIONS};
 use super::rules;
 use super::set::Assignment;
-use super::source::{parse_mapping, read};
+use super::source::{parse_mapping_on, read};
 use super::spec::{Experiment, Suite};
-use super::tree::{Node, Value};
+use super::tree::{Entry, Node, Value};
 
 /// What a file declares.
 #[derive(Debug, Clone)]
@@ -58,11 +58,11 @@ pub struct LoadedSuite {
 pub fn load(file: &Path, profile: Option<&str>, sets: &[String]) -> Result<Loaded, ConfigErrors> {
     let (sets, mut mistakes) = assignments(sets);
     let loaded = read(file).map_err(|d| vec![d]).and_then(|source| {
-        let tree = parse_mapping(&source)?;
+        let parsed = parse_mapping_on(&source)?;
         let loader = Loader { profile, sets: &sets };
-        match kind(&tree)? {
-            "suite" => loader.suite(file, source, tree).map(|s| Loaded::Suite(Box::new(s))),
-            _ => loader.experiment(file, source, tree).map(|e| Loaded::Experiment(Box::new(e))),
+        match kind(&parsed.0)? {
+            "suite" => loader.suite(file, source, parsed).map(|s| Loaded::Suite(Box::new(s))),
+            _ => loader.experiment(file, source, parsed).map(|e| Loaded::Experiment(Box::new(e))),
         }
     });
     match loaded {
@@ -97,25 +97,39 @@ fn kind(tree: &Node) -> Result<&'static str, Vec<Diagnostic>> {
     }
 }
 
+/// A file's tree, and the mistakes past which it could be read.
+type Parsed = (Node, Vec<Diagnostic>);
+
 struct Loader<'a> {
     profile: Option<&'a str>,
     sets: &'a [Assignment],
 }
 
 impl Loader<'_> {
-    fn experiment(&self, file: &Path, source: Arc<Source>, tree: Node) -> Result<LoadedExperiment, Vec<Diagnostic>> {
+    fn experiment(
+        &self,
+        file: &Path,
+        source: Arc<Source>,
+        parsed: Parsed,
+    ) -> Result<LoadedExperiment, Vec<Diagnostic>> {
         let library = Library::for_file(file);
-        let stem = file.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+        let (tree, mut mistakes) = parsed;
+        let stem = stem(file);
         let layers =
             Layers { library: &library, file: tree, profile: self.profile, sets: self.sets, default_name: &stem };
-        let (mut tree, mut mistakes) = compose(layers);
-        if mistakes.is_empty() {
-            make_whole("Experiment", &mut tree);
-            let misfits = check("Experiment", &tree);
-            let faulty: Vec<Vec<String>> = misfits.iter().map(|m| m.path.clone()).collect();
-            mistakes.extend(misfits.into_iter().map(|m| m.diagnostic));
-            mistakes.extend(rules::check(&source, &tree, &faulty));
-        }
+        let (mut tree, found) = compose(layers);
+        mistakes.extend(found);
+        make_whole("Experiment", &mut tree);
+        let misfits = check("Experiment", &tree);
+        let faulty: Vec<Vec<String>> = misfits.iter().map(|m| m.path.clone()).collect();
+        // a section whose piece is not there is missing for that reason only
+        let whole = mistakes.is_empty();
+        let reported = |m: &Mistake| whole || !SECTIONS.iter().any(|s| m.missing.as_deref() == s.path.last().copied());
+        let mut found: Vec<Diagnostic> = misfits.into_iter().filter(reported).map(|m| m.diagnostic).collect();
+        found.extend(rules::check(&source, &tree, &faulty));
+        // of several mistakes at one value, the one found first explains the others
+        found.retain(|d| mistakes.iter().all(|m| m.place != d.place));
+        mistakes.extend(found);
         if !mistakes.is_empty() {
             return Err(mistakes);
         }
@@ -123,29 +137,38 @@ impl Loader<'_> {
         Ok(LoadedExperiment { spec, path: file.to_owned(), source_text: source.text.clone(), tree })
     }
 
-    fn suite(&self, file: &Path, source: Arc<Source>, mut tree: Node) -> Result<LoadedSuite, Vec<Diagnostic>> {
+    fn suite(&self, file: &Path, source: Arc<Source>, parsed: Parsed) -> Result<LoadedSuite, Vec<Diagnostic>> {
+        let (mut tree, mut mistakes) = parsed;
         let unnamed = tree.get("name").is_none();
         if let (true, Value::Map(entries)) = (unnamed, &mut tree.value) {
-            let stem = file.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+            let stem = stem(file);
             let name = Source::option("file name", &stem);
             let node = Node { value: Value::Text(stem), place: name.whole() };
-            entries.push(super::tree::Entry { key: "name".to_owned(), key_place: name.whole(), node });
+            entries.push(Entry { key: "name".to_owned(), key_place: name.whole(), node });
         }
-        let misfits = check("Suite", &tree);
-        if !misfits.is_empty() {
-            return Err(misfits.into_iter().map(|m| m.diagnostic).collect());
+        mistakes.extend(check("Suite", &tree).into_iter().map(|m| m.diagnostic));
+        let (experiments, found) = self.members(file, &tree);
+        mistakes.extend(found);
+        if !mistakes.is_empty() {
+            return Err(mistakes);
         }
-        let spec: Suite = deserialise(&tree)?;
-        let experiments = self.members(file, &tree)?;
-        Ok(LoadedSuite { spec, path: file.to_owned(), source_text: source.text.clone(), experiments })
+        Ok(LoadedSuite {
+            spec: deserialise(&tree)?,
+            path: file.to_owned(),
+            source_text: source.text.clone(),
+            experiments,
+        })
     }
 
-    fn members(&self, suite: &Path, tree: &Node) -> Result<Vec<LoadedExperiment>, Vec<Diagnostic>> {
+    fn members(&self, suite: &Path, tree: &Node) -> (Vec<LoadedExperiment>, Vec<Diagnostic>) {
         let mut mistakes = Vec::new();
         let mut experiments: Vec<LoadedExperiment> = Vec::new();
         let mut names = BTreeMap::new();
-        let Some(Value::List(items)) = tree.get("experiments").map(|n| &n.value) else { return Ok(experiments) };
-        for item in items {
+        let Some(Value::List(items)) = tree.get("experiments").map(|n| &n.value) else {
+            return (experiments, mistakes);
+        };
+        // what is not text is a mistake that the schema finds
+        for item in items.iter().filter(|item| item.text().is_some()) {
             match self.member(suite, item) {
                 Err(found) => mistakes.extend(found),
                 Ok(member) => {
@@ -158,7 +181,7 @@ impl Loader<'_> {
                 }
             }
         }
-        if mistakes.is_empty() { Ok(experiments) } else { Err(mistakes) }
+        (experiments, mistakes)
     }
 
     fn member(&self, suite: &Path, item: &Node) -> Result<LoadedExperiment, Vec<Diagnostic>> {
@@ -170,13 +193,17 @@ impl Loader<'_> {
             ]);
         }
         let source = read(&path).map_err(|d| vec![d])?;
-        let tree = parse_mapping(&source)?;
-        if kind(&tree)? == "suite" {
+        let parsed = parse_mapping_on(&source)?;
+        if kind(&parsed.0)? == "suite" {
             let message = format!("{} is a suite, too", quoted(&path.display().to_string()));
             return Err(vec![Diagnostic::new(&item.place, message).hint("a suite lists experiments only")]);
         }
-        self.experiment(&path, source, tree)
+        self.experiment(&path, source, parsed)
     }
+}
+
+fn stem(file: &Path) -> String {
+    file.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default()
 }
 
 /// The typed value of a checked tree.

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::error::{Diagnostic, Place, Source};
-use super::tree::{MAX_BYTES, Node, Value, parse};
+use super::tree::{MAX_BYTES, Node, Value, parse_on};
 
 impl Source {
     /// A text that is not a file, such as an option's.
@@ -80,13 +80,22 @@ fn unusual(c: char) -> bool {
 
 /// Reads the YAML of `source`, which must be a mapping of keys to values.
 pub(super) fn parse_mapping(source: &Arc<Source>) -> Result<Node, Vec<Diagnostic>> {
-    let node = parse(source, 0)?;
+    match parse_mapping_on(source)? {
+        (node, mistakes) if mistakes.is_empty() => Ok(node),
+        (_, mistakes) => Err(mistakes),
+    }
+}
+
+/// As [`parse_mapping`], but reads on past mistakes that leave the rest readable.
+pub(super) fn parse_mapping_on(source: &Arc<Source>) -> Result<(Node, Vec<Diagnostic>), Vec<Diagnostic>> {
+    let (node, mut mistakes) = parse_on(source, 0)?;
     match node.value {
-        Value::Map(_) => Ok(node),
-        Value::Null => Err(vec![Diagnostic::new(&node.place, "the file is empty")]),
+        Value::Map(_) => return Ok((node, mistakes)),
+        Value::Null if mistakes.is_empty() => mistakes.push(Diagnostic::new(&node.place, "the file is empty")),
         _ => {
             let message = format!("the file must be a mapping of keys to values, this is {}", node.kind());
-            Err(vec![Diagnostic::new(&node.place, message).hint("begin with `name: my_study`")])
+            mistakes.push(Diagnostic::new(&node.place, message).hint("begin with `name: my_study`"));
         }
     }
+    Err(mistakes)
 }

@@ -112,15 +112,26 @@ impl Node {
 /// # Errors
 /// Every mistake found; a syntax error is the last.
 pub(super) fn parse(source: &Arc<Source>, from: usize) -> Result<Node, Vec<Diagnostic>> {
+    match parse_on(source, from)? {
+        (node, mistakes) if mistakes.is_empty() => Ok(node),
+        (_, mistakes) => Err(mistakes),
+    }
+}
+
+/// Reads on past mistakes that leave the rest readable (a key twice, a tag, …) and returns them beside the value.
+///
+/// # Errors
+/// Every mistake found, if the value cannot be read to its end.
+pub(super) fn parse_on(source: &Arc<Source>, from: usize) -> Result<(Node, Vec<Diagnostic>), Vec<Diagnostic>> {
     let text = &source.text[from..];
     let mut reader = Reader::new(source, from, text);
     let node = reader.document();
     match node {
         Ok(node) if reader.mistakes.is_empty() => match disagreement(&node, from) {
-            None => Ok(node),
+            None => Ok((node, Vec::new())),
             Some(mistake) => Err(vec![mistake]),
         },
-        Ok(_) => Err(reader.mistakes),
+        Ok(node) => Ok((node, reader.mistakes)),
         Err(last) => {
             reader.mistakes.push(last);
             Err(reader.mistakes)

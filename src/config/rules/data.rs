@@ -5,7 +5,7 @@ use std::path::Path;
 use super::{Rules, steps};
 use crate::config::spec::{AugmentSpec, DatasetSpec, PanoramaSource, PanoramaSpec, SamplingSpec, SpaceSpec, SplitSpec};
 
-/// Largest effective resolution as a share of the panorama's width (CONTRACT: band limit).
+/// Largest effective resolution as a share of the panorama's width: beyond it a view shows the panorama's own blur.
 const BAND_LIMIT: f64 = 0.095;
 /// Largest distortion that a view can be drawn with.
 const MAX_DISTORTION: f64 = 5.0;

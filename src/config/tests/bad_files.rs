@@ -24,7 +24,7 @@ fn texts_that_are_no_experiment() {
             "line 3",
         ),
         ("seed: 1\n2: x\n", "study.yaml:2:1: a key must be text, this is the number `2`", "key: value"),
-        ("seed: 1\nx: {<<: {a: 1}}\n", "study.yaml:2:5: merge keys (`<<`) are not used in experiments", "use:"),
+        ("seed: 1\ntrain: {<<: {a: 1}}\n", "study.yaml:2:9: merge keys (`<<`) are not used in experiments", "use:"),
         ("seed: !!int 1\n", "study.yaml:1:7: tags (`!…`) are not used in experiments", "leave the tag out"),
         (
             "seed: 1\nname: a\u{7}b\n",
@@ -167,6 +167,25 @@ fn all_mistakes_of_all_files_are_reported_at_once_in_order() {
     let lines: Vec<usize> = expected[2..].iter().map(|part| shown.find(part).unwrap()).collect();
     assert!(lines.is_sorted(), "{shown}");
     assert_eq!(shown.lines().count(), expected.len(), "{shown}");
+}
+
+#[test]
+fn a_mistake_does_not_hide_the_others() {
+    let text =
+        "seed: .nan\nseed: 2\ntrain: {use: haed, epochs: 3}\nsplit: {by: panoram}\nevaluation: {refit_seeds: 0}\n";
+    let errors = refused(text.as_bytes());
+    let shown: Vec<String> = errors.diagnostics().iter().map(|d| d.to_string()).collect();
+    let expected = [
+        ":1:7: `.nan` is not a number",
+        ":2:1: the key `seed`",
+        ":3:14: there is no piece `haed`",
+        ":4:13: ",
+        ":5:27: ",
+    ];
+    assert_eq!(shown.len(), expected.len(), "{shown:#?}");
+    for (message, part) in shown.iter().zip(expected) {
+        assert!(message.contains(part), "{part} is missing in {message}");
+    }
 }
 
 #[test]
