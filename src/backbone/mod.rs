@@ -6,6 +6,8 @@
 mod calibrate;
 mod description;
 mod error;
+#[cfg(test)]
+mod files;
 mod graph;
 mod inception_v3;
 mod load;
