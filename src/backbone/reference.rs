@@ -60,6 +60,7 @@ impl<'a> Reference<'a> {
     }
 
     /// Convolution and batch norm of the layer `name`; kernel and channels are the caller's, not the graph's.
+    #[allow(clippy::too_many_arguments)]
     fn linear(
         &self,
         name: &str,
