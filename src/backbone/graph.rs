@@ -1,7 +1,5 @@
 //! An architecture as a list of steps, without weights.
 
-use std::collections::BTreeMap;
-
 use super::description::Padding;
 use crate::kernel::{Pad, Window};
 
@@ -124,21 +122,20 @@ impl Graph {
             last_use[step.input] = i;
             last_use[step.output] = i;
         }
-        let mut assigned: BTreeMap<Map, usize> = BTreeMap::from([(0, 0)]);
+        let mut buffer_of: Vec<Option<usize>> = vec![None; self.maps.len()];
+        buffer_of[0] = Some(0);
         let mut sizes = vec![self.map_len(0)];
         let mut free = Vec::new();
         for (i, step) in self.steps.iter().enumerate() {
-            if !assigned.contains_key(&step.output) {
-                let buffer = free.pop().unwrap_or(sizes.len());
-                sizes.resize(sizes.len().max(buffer + 1), 0);
-                sizes[buffer] = sizes[buffer].max(self.map_len(step.output));
-                assigned.insert(step.output, buffer);
-            }
-            let mut ended = vec![step.input, step.output];
-            ended.dedup();
-            free.extend(ended.into_iter().filter(|m| last_use[*m] == i).map(|m| assigned[&m]));
+            let buffer = buffer_of[step.output].or_else(|| free.pop()).unwrap_or(sizes.len());
+            buffer_of[step.output] = Some(buffer);
+            sizes.resize(sizes.len().max(buffer + 1), 0);
+            sizes[buffer] = sizes[buffer].max(self.map_len(step.output));
+            free.extend(
+                [step.input, step.output].into_iter().filter(|m| last_use[*m] == i).filter_map(|m| buffer_of[m]),
+            );
         }
-        ((0..self.maps.len()).map(|m| assigned.get(&m).copied().unwrap_or(0)).collect(), sizes)
+        (buffer_of.into_iter().map(Option::unwrap_or_default).collect(), sizes)
     }
 
     /// Floats of a map of one image.

@@ -6,6 +6,8 @@
 mod calibrate;
 mod description;
 mod error;
+#[cfg(test)]
+mod files;
 mod graph;
 mod inception_v3;
 mod load;
@@ -13,6 +15,8 @@ mod mobilenet_v1;
 mod network;
 mod parameters;
 mod pooling;
+#[cfg(test)]
+mod reference;
 mod resnet50;
 mod tensors;
 #[cfg(test)]
@@ -47,6 +51,7 @@ const SEEDED_VERSION: u32 = 1;
 
 /// Where a backbone's weights come from.
 #[derive(Debug, Clone)]
+#[allow(clippy::large_enum_variant)] // made once
 pub enum WeightsSource {
     /// Drawn from keyed streams.
     Seeded {
@@ -67,6 +72,8 @@ pub struct Backbone {
     network: Network,
     seed: Option<u64>,
     epsilon: f32,
+    /// Hash of the weights without calibration.
+    origin: store::Hash,
     hash: store::Hash,
     workspaces: Mutex<Vec<Workspace>>,
 }
@@ -102,7 +109,7 @@ impl Backbone {
         };
         let network = Network::new(graph, layers, &variant.preprocessing, spec.rings as usize);
         let epsilon = variant.batch_norm_epsilon;
-        Ok(Self { network, seed, epsilon, hash, workspaces: Mutex::default() })
+        Ok(Self { network, seed, epsilon, origin: hash.clone(), hash, workspaces: Mutex::default() })
     }
 
     /// Names of the blocks of `architecture` whose output can become features, from input to output.
@@ -122,7 +129,7 @@ impl Backbone {
         let count = images.len().min(CALIBRATION_IMAGES);
         let chosen: Vec<&[u8]> = (0..count).map(|i| &images[i * images.len() / count][..]).collect();
         let mut hasher = store::Hasher::new();
-        hasher.update(self.hash.as_str().as_bytes());
+        hasher.update(self.origin.as_str().as_bytes());
         for image in &chosen {
             assert!(image.len() == self.network.image_len(), "an image of another size");
             hasher.update(image);

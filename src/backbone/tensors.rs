@@ -94,7 +94,8 @@ impl TensorFile {
         let map = unsafe { Mmap::map(&file) }.map_err(io)?;
         let content = match &map[..4] {
             b"PK\x03\x04" => torch(path)?,
-            [0x80, _, _, _] => {
+            // a pickled number: the first bytes of such a file; as the length of a header they would be too many
+            b"\x80\x02\x8a\x0a" => {
                 let reason =
                     "it is in PyTorch's old format; save it again with a current `torch.save` or as safetensors";
                 return Err(unreadable(path, reason));

@@ -85,7 +85,7 @@ impl Conv {
     pub fn forward(&self, x: View, out: ViewMut, accumulate: bool) {
         self.window.check(x.shape, out.shape);
         assert!(x.shape.channels == self.inputs && out.shape.channels == self.outputs, "other numbers of channels");
-        let reader = Reader::new(x, self.window, out.shape, &self.zeros).joining_rows();
+        let reader = Reader::joining_rows(x, self.window, out.shape, &self.zeros);
         let (runs, len) = reader.runs();
         let pieces = pieces(runs, len);
         let mut table =
@@ -103,9 +103,13 @@ impl Conv {
     fn point(&self, reader: &Reader, first: usize, pixels: usize, table: &mut [*const f32]) {
         let rows = tile_rows(self.isa);
         let runs = reader.runs().0;
+        let mut place = reader.place(first);
         for p in 0..pixels.next_multiple_of(rows) {
             let tile = &mut table[p / rows * rows * runs..][..rows * runs];
-            reader.read(first + p.min(pixels - 1), |run, floats| tile[run * rows + p % rows] = floats.as_ptr());
+            reader.read(place, |run, floats| tile[run * rows + p % rows] = floats.as_ptr());
+            if p + 1 < pixels {
+                reader.advance(&mut place);
+            }
         }
     }
 }

@@ -143,58 +143,98 @@ impl Window {
 pub(super) struct Reader<'a> {
     x: View<'a>,
     window: Window,
-    out: (usize, usize),
+    out: Shape,
     /// Read instead of a pixel outside.
     outside: &'a [f32],
-    /// The window's rows are contiguous in memory and never leave the image sideways: each is one run.
-    whole_rows: bool,
+    /// Window row and column, and distance from the window's first float, of each run of floats.
+    runs: Vec<(usize, usize, usize)>,
+    /// Floats of a run.
+    len: usize,
+    /// Floats from the first to the last of a window that is inside the image.
+    span: usize,
+}
+
+/// The window of one output pixel; it moves in the order of pixels.
+#[derive(Clone, Copy)]
+pub(super) struct Place {
+    image: usize,
+    row: usize,
+    column: usize,
 }
 
 impl<'a> Reader<'a> {
     pub(super) fn new(x: View<'a>, window: Window, out: Shape, outside: &'a [f32]) -> Self {
-        Self { x, window, out: (out.height, out.width), outside, whole_rows: false }
+        Self::with_runs(x, window, out, outside, window.width, x.shape.channels)
     }
 
-    /// Takes a row of the window as one run where memory allows it.
-    pub(super) fn joining_rows(mut self) -> Self {
-        let pad = self.window.pad;
-        self.whole_rows = self.window.width > 1 && pad.left + pad.right == 0 && self.x.stride == self.x.shape.channels;
-        self
+    /// Takes a row of the window as one run where rows are contiguous in memory and never leave the image sideways.
+    pub(super) fn joining_rows(x: View<'a>, window: Window, out: Shape, outside: &'a [f32]) -> Self {
+        if window.pad.left + window.pad.right == 0 && x.stride == x.shape.channels {
+            Self::with_runs(x, window, out, outside, 1, window.width * x.shape.channels)
+        } else {
+            Self::new(x, window, out, outside)
+        }
+    }
+
+    fn with_runs(x: View<'a>, window: Window, out: Shape, outside: &'a [f32], columns: usize, len: usize) -> Self {
+        let run = |t: usize| {
+            let (ky, kx) = (t / columns, t % columns);
+            (ky, kx, (ky * x.shape.width + kx) * x.stride)
+        };
+        let runs: Vec<_> = (0..window.height * columns).map(run).collect();
+        let span = runs.last().map_or(0, |r| r.2) + len;
+        Self { x, window, out, outside, runs, len, span }
     }
 
     /// Number of runs of a window, and floats of each.
     pub(super) fn runs(&self) -> (usize, usize) {
-        let (w, channels) = (self.window, self.x.shape.channels);
-        if self.whole_rows { (w.height, w.width * channels) } else { (w.height * w.width, channels) }
+        (self.runs.len(), self.len)
     }
 
-    /// Calls `put(run, floats)` for the window of output pixel `p`, and returns the number of runs inside the image.
-    pub(super) fn read(&self, p: usize, mut put: impl FnMut(usize, &'a [f32])) -> usize {
-        let (column, row) = (p % self.out.1, p / self.out.1);
-        let (row, image) = (row % self.out.0, row / self.out.0);
+    /// The window of output pixel `p`, counted over all images.
+    pub(super) fn place(&self, p: usize) -> Place {
+        let (row, column) = (p / self.out.width, p % self.out.width);
+        Place { image: row / self.out.height, row: row % self.out.height, column }
+    }
+
+    /// Moves to the next pixel.
+    pub(super) fn advance(&self, place: &mut Place) {
+        place.column += 1;
+        if place.column == self.out.width {
+            (place.column, place.row) = (0, place.row + 1);
+            if place.row == self.out.height {
+                (place.row, place.image) = (0, place.image + 1);
+            }
+        }
+    }
+
+    /// Calls `put(run, floats)` for every run of the window at `place`, and returns the number of runs inside the image.
+    pub(super) fn read(&self, place: Place, mut put: impl FnMut(usize, &'a [f32])) -> usize {
         let Window { height, width, stride, pad } = self.window;
-        let columns = if self.whole_rows { 1 } else { width };
-        let len = self.runs().1;
+        let shape = self.x.shape;
+        // first row and column of the window, in an image with its border
+        let (y, x) = (place.row * stride, place.column * stride);
+        let first_row = place.image * shape.height;
+        if y >= pad.top && y + height <= shape.height + pad.top && x >= pad.left && x + width <= shape.width + pad.left
+        {
+            let corner = ((first_row + y - pad.top) * shape.width + x - pad.left) * self.x.stride;
+            let floats = &self.x.data[corner..][..self.span];
+            for (i, run) in self.runs.iter().enumerate() {
+                put(i, &floats[run.2..][..self.len]);
+            }
+            return self.runs.len();
+        }
         let mut inside = 0;
-        for ky in 0..height {
-            for kx in 0..columns {
-                let run = match self.pixel(image, row * stride + ky, pad.top, column * stride + kx, pad.left) {
-                    Some(pixel) => {
-                        inside += 1;
-                        &self.x.data[pixel * self.x.stride..][..len]
-                    }
-                    None => &self.outside[..len],
-                };
-                put(ky * columns + kx, run);
+        for (i, (ky, kx, _)) in self.runs.iter().enumerate() {
+            let row = (y + ky).checked_sub(pad.top).filter(|row| *row < shape.height);
+            let column = (x + kx).checked_sub(pad.left).filter(|column| *column < shape.width);
+            if let (Some(row), Some(column)) = (row, column) {
+                inside += 1;
+                put(i, &self.x.data[((first_row + row) * shape.width + column) * self.x.stride..][..self.len]);
+            } else {
+                put(i, &self.outside[..self.len]);
             }
         }
         inside
-    }
-
-    fn pixel(&self, image: usize, y: usize, top: usize, x: usize, left: usize) -> Option<usize> {
-        let shape = self.x.shape;
-        let y = y.checked_sub(top).filter(|y| *y < shape.height)?;
-        let x = x.checked_sub(left).filter(|x| *x < shape.width)?;
-        Some((image * shape.height + y) * shape.width + x)
     }
 }

@@ -128,8 +128,9 @@ fn forward(isa: Isa, operation: u8, window: Window, x: View, out: ViewMut, outsi
     }
     let kernel = pixel_fn(isa, operation);
     let mut table = vec![std::ptr::null(); runs];
+    let mut place = reader.place(0);
     for p in 0..out.shape.pixels() {
-        let inside = reader.read(p, |run, floats| table[run] = floats.as_ptr());
+        let inside = reader.read(place, |run, floats| table[run] = floats.as_ptr());
         let count = if work.counts_outside { runs } else { inside.max(1) };
         let pixel = Pixel {
             runs: &table,
@@ -143,6 +144,7 @@ fn forward(isa: Isa, operation: u8, window: Window, x: View, out: ViewMut, outsi
         // SAFETY: every run was taken from a slice of `channels` floats, as was `out`; weights and bias were checked where
         // they are read; the processor has the instruction set
         unsafe { kernel(&pixel) };
+        reader.advance(&mut place);
     }
 }
 
