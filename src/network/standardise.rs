@@ -5,6 +5,9 @@ use super::Error;
 /// A feature whose standard deviation is below this share of its mean carries only rounding errors.
 const RELATIVE_FLOOR: f64 = 1e-6;
 
+/// Number of features up to which each has standard deviation 1; more share the same total.
+const NORM: f64 = 256.0;
+
 /// Mean and standard deviation of each feature over the rows it was fitted on.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Standardisation {
@@ -28,7 +31,8 @@ impl Standardisation {
             let deviations = row.iter().zip(&mean).map(|(x, m)| f64::from(*x) - m);
             square.iter_mut().zip(deviations).for_each(|(s, d)| *s += d * d);
         }
-        let sd = square.iter().zip(&mean).map(|(s, m)| usable_sd((s / n).sqrt(), *m) as f32).collect();
+        let scale = (dim as f64 / NORM).sqrt().max(1.0);
+        let sd = square.iter().zip(&mean).map(|(s, m)| (scale * usable_sd((s / n).sqrt(), *m)) as f32).collect();
         Self { mean: mean.into_iter().map(|m| m as f32).collect(), sd }
     }
 
