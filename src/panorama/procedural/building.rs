@@ -23,9 +23,15 @@ pub struct Plan {
 /// A wall colour as houses have.
 fn wall_colour(b: &mut Builder, cladding: Cladding) -> V3 {
     let base = match cladding {
-        Cladding::Brick(_) => b.dice.pick(&[tint(0.6, 0.34, 0.26), tint(0.7, 0.5, 0.36), tint(0.5, 0.4, 0.36), tint(0.72, 0.62, 0.5)]),
-        Cladding::Slabs(..) => b.dice.pick(&[tint(0.7, 0.68, 0.64), tint(0.55, 0.56, 0.58), tint(0.8, 0.74, 0.62), tint(0.4, 0.42, 0.45)]),
-        Cladding::Boards(_) => b.dice.pick(&[tint(0.85, 0.85, 0.82), tint(0.5, 0.22, 0.18), tint(0.45, 0.36, 0.28), tint(0.5, 0.6, 0.66)]),
+        Cladding::Brick(_) => {
+            b.dice.pick(&[tint(0.6, 0.34, 0.26), tint(0.7, 0.5, 0.36), tint(0.5, 0.4, 0.36), tint(0.72, 0.62, 0.5)])
+        }
+        Cladding::Slabs(..) => {
+            b.dice.pick(&[tint(0.7, 0.68, 0.64), tint(0.55, 0.56, 0.58), tint(0.8, 0.74, 0.62), tint(0.4, 0.42, 0.45)])
+        }
+        Cladding::Boards(_) => {
+            b.dice.pick(&[tint(0.85, 0.85, 0.82), tint(0.5, 0.22, 0.18), tint(0.45, 0.36, 0.28), tint(0.5, 0.6, 0.66)])
+        }
         Cladding::Plaster => match b.dice.below(4) {
             0 => return b.dice.hue((0.15, 0.5), (0.6, 0.9)),
             1 => tint(0.9, 0.88, 0.84),
@@ -81,7 +87,8 @@ pub fn building(b: &mut Builder, place: &Place, plan: &Plan) -> f32 {
     let base = if facade.ground > 0.0 { facade.ground } else { facade.storey };
     let height = base + facade.storey * (plan.storeys as f32 - 1.0) + b.dice.f(0.2, 0.7);
     let seed = b.dice.seed();
-    let wall = b.material(Material::new(Pattern::Facade(Box::new(facade.clone())), colour, ground, seed).rough(0.07, 1.5));
+    let wall =
+        b.material(Material::new(Pattern::Facade(Box::new(facade.clone())), colour, ground, seed).rough(0.07, 1.5));
     let trim = b.paint(facade.frame);
     let roof = roof_material(b);
     b.capped(place, v3(0.0, 0.5 * height, 0.5 * plan.depth), v3(plan.width, height, plan.depth), wall, roof);
@@ -93,7 +100,13 @@ pub fn building(b: &mut Builder, place: &Place, plan: &Plan) -> f32 {
 }
 
 fn roof_material(b: &mut Builder) -> u16 {
-    let colour = b.dice.pick(&[tint(0.6, 0.3, 0.2), tint(0.5, 0.25, 0.2), tint(0.28, 0.29, 0.32), tint(0.4, 0.34, 0.3), tint(0.3, 0.36, 0.34)]);
+    let colour = b.dice.pick(&[
+        tint(0.6, 0.3, 0.2),
+        tint(0.5, 0.25, 0.2),
+        tint(0.28, 0.29, 0.32),
+        tint(0.4, 0.34, 0.3),
+        tint(0.3, 0.36, 0.34),
+    ]);
     let colour = b.dice.near(colour, 0.25);
     let seed = b.dice.seed();
     let (w, h) = (b.dice.f(0.22, 0.4), b.dice.f(0.25, 0.45));
@@ -109,7 +122,11 @@ fn top(b: &mut Builder, place: &Place, plan: &Plan, height: f32, (trim, roof): (
         let rise = plan.depth.min(plan.width) * b.dice.f(0.25, 0.55);
         let across = b.dice.chance(0.25);
         let (w, d) = (0.5 * plan.width, 0.5 * plan.depth);
-        let (turn, size) = if across { ((0.0, 1.0), v3(d + 0.3, 0.5 * rise, w + 0.35)) } else { ((1.0, 0.0), v3(w + 0.2, 0.5 * rise, d + 0.4)) };
+        let (turn, size) = if across {
+            ((0.0, 1.0), v3(d + 0.3, 0.5 * rise, w + 0.35))
+        } else {
+            ((1.0, 0.0), v3(w + 0.2, 0.5 * rise, d + 0.4))
+        };
         let end = if b.dice.chance(0.5) { trim } else { b.paint(tint(0.5, 0.32, 0.26)) };
         b.add(place.child(middle + v3(0.0, 0.5 * rise, 0.0), turn), Shape::Gable(size), end, roof);
         for _ in 0..b.dice.below(3) {
@@ -192,7 +209,12 @@ fn shop_front(b: &mut Builder, place: &Place, plan: &Plan, base: f32) {
             let cloth = Pattern::Bars { period, share: 0.5, across: true };
             let cloth = b.material(Material::new(cloth, colour, other, seed));
             let deep = b.dice.f(0.8, 1.6);
-            b.add(place.child(v3(middle, base - 0.55, 0.0), (1.0, 0.0)), Shape::Gable(v3(0.5 * width - 0.2, 0.3, deep)), cloth, cloth);
+            b.add(
+                place.child(v3(middle, base - 0.55, 0.0), (1.0, 0.0)),
+                Shape::Gable(v3(0.5 * width - 0.2, 0.3, deep)),
+                cloth,
+                cloth,
+            );
         }
         if b.dice.chance(0.3) {
             let tall = b.dice.f(0.5, 1.0);

@@ -53,7 +53,7 @@ pub struct Bvh {
     order: Vec<u32>,
 }
 
-const LEAF: usize = 3;
+const LEAF: usize = 1;
 /// Deeper than any tree that halves at least a hundredth off each time.
 const DEPTH: usize = 64;
 

@@ -111,7 +111,13 @@ impl Facade {
         if self.shops {
             return place(0.84 * self.pitch, base - 0.95, 0.35, (2.0, 1.0), false);
         }
-        place(self.window.0, if self.window.1 < base - 1.2 { self.window.1 } else { base - 1.2 }, 0.9, self.panes, false)
+        place(
+            self.window.0,
+            if self.window.1 < base - 1.2 { self.window.1 } else { base - 1.2 },
+            0.9,
+            self.panes,
+            false,
+        )
     }
 
     /// Follows the ray into an opening: reveal, frame, glass or door.
@@ -126,7 +132,13 @@ impl Facade {
         }
         let (x, y) = (o.x - s.foot.ku * self.depth, o.y - s.foot.kv * self.depth);
         let at_glass = span(x, 0.0, o.w, fu) * span(y, 0.0, o.h, fv);
-        let side = if y >= o.h { 0.35 } else if y < 0.0 { 0.9 } else { 0.6 };
+        let side = if y >= o.h {
+            0.35
+        } else if y < 0.0 {
+            0.9
+        } else {
+            0.6
+        };
         let reveal = Look { colour: wall.colour * side, mirror: 0.0, glow: 0.0 };
         let glass = if o.door { self.door(o, x, y, fu, fv) } else { self.glass(o, x, y, fu, fv) };
         blend(&around, &blend(&reveal, &glass, at_glass), inside)
@@ -173,7 +185,8 @@ impl Facade {
         };
         let ground = span(y, -1.0, base - 0.25, fv);
         let shown = shown.mix(m.b, if self.ground > 0.0 { 0.75 * ground } else { 0.0 });
-        let band = bars((y - base + 0.2) / self.storey, 0.25 / self.storey, fv / self.storey) * span(y, base - 0.3, 1e3, fv);
+        let band =
+            bars((y - base + 0.2) / self.storey, 0.25 / self.storey, fv / self.storey) * span(y, base - 0.3, 1e3, fv);
         let streaks = octaves2(x * 1.3, y * 0.12, 3, 0.6, fu * 1.3, m.seed);
         shown.mix(self.frame, self.band * band) * (1.0 + 0.06 * streaks)
     }

@@ -46,7 +46,13 @@ fn wood(b: &mut Builder) -> u16 {
         let colour = if b.dice.chance(0.5) { grey(b.dice.f(0.5, 0.85)) } else { b.dice.hue((0.2, 0.7), (0.2, 0.8)) };
         return b.material(Material::plain(colour, seed));
     }
-    let colour = b.dice.pick(&[tint(0.72, 0.54, 0.34), tint(0.5, 0.32, 0.18), tint(0.35, 0.22, 0.14), tint(0.82, 0.7, 0.5), tint(0.6, 0.42, 0.3)]);
+    let colour = b.dice.pick(&[
+        tint(0.72, 0.54, 0.34),
+        tint(0.5, 0.32, 0.18),
+        tint(0.35, 0.22, 0.14),
+        tint(0.82, 0.7, 0.5),
+        tint(0.6, 0.42, 0.3),
+    ]);
     let light = b.dice.near(colour, 0.2);
     b.material(Material::new(Pattern::Grain, light, light * 0.55, seed).varied(0.06))
 }
@@ -99,8 +105,8 @@ pub fn table(b: &mut Builder, p: &Place, size: V3, f: &Finish) {
 /// A chair about its centre, looking along −z.
 pub fn chair(b: &mut Builder, p: &Place, f: &Finish, style: u32) {
     let (w, seat) = (0.43, 0.45);
-    let frame = if style % 2 == 0 { f.wood } else { f.metal };
-    let cover = if style % 3 == 0 { f.wood } else { f.cloth };
+    let frame = if style.is_multiple_of(2) { f.wood } else { f.metal };
+    let cover = if style.is_multiple_of(3) { f.wood } else { f.cloth };
     b.block(p, v3(0.0, seat, 0.0), v3(w, 0.05, w), cover);
     for (x, z, h) in [(0.19, 0.19, 0.92), (-0.19, 0.19, 0.92), (0.19, -0.19, seat), (-0.19, -0.19, seat)] {
         b.block(p, v3(x, 0.5 * h, z), v3(0.035, h, 0.035), frame);

@@ -18,7 +18,7 @@ impl Ground {
     pub fn look(&self, p: V3, d: V3, base: f32) -> Look {
         let down = if d.y > -1e-3 { -1e-3 } else { d.y };
         let foot = Foot { base, ku: d.x / down, kv: d.z / down };
-        let spot = Spot { p, u: p.x, v: p.z, face: (p.x, p.z), half: (1e3, 1e3), foot, id: 0 };
+        let spot = Spot { p, u: p.x, v: p.z, face: (p.x, p.z), half: (1e3, 1e3), foot, flat: true, id: 0 };
         match self {
             Ground::Plain(material) => material.look(&spot),
             Ground::Street(map) => map.look(&spot),

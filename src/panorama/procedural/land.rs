@@ -55,6 +55,9 @@ pub fn land(seed: u64, index: u32) -> Scene {
         }
     }
     horizon(&mut b);
+    if !country.high {
+        foreground(&mut b, &country);
+    }
     let height = if country.high { b.dice.log(18.0, 120.0) } else { b.dice.f(1.3, 3.5) };
     let eye = clear_of(&b, v3(0.0, height, 0.0));
     Scene::assemble(b, weather, Ground::Land(Box::new(map)), eye)
@@ -133,7 +136,13 @@ fn clip(polygon: &Polygon, (nx, nz): (f32, f32), offset: f32) -> Polygon {
 }
 
 /// Divides part `at` of the map, a polygon, until its pieces are small for their distance.
-fn divide(dice: &mut Dice, country: &Country, map: &mut LandMap, (at, polygon, depth): (usize, Polygon, u32), leaves: &mut Vec<(u32, Polygon)>) {
+fn divide(
+    dice: &mut Dice,
+    country: &Country,
+    map: &mut LandMap,
+    (at, polygon, depth): (usize, Polygon, u32),
+    leaves: &mut Vec<(u32, Polygon)>,
+) {
     let (x, z) = centre(&polygon);
     let (vx, vz, radius) = country.village;
     let in_village = (x - vx) * (x - vx) + (z - vz) * (z - vz) < radius * radius;
@@ -217,9 +226,15 @@ fn field(dice: &mut Dice, country: &Country, village: bool, size: f32, at: (f32,
         }
     };
     let green = (tint(0.36, 0.48, 0.18), tint(0.5, 0.55, 0.25));
-    let pairs = [green, (tint(0.28, 0.4, 0.16), tint(0.45, 0.36, 0.26)), (tint(0.75, 0.65, 0.36), tint(0.55, 0.45, 0.28)),
-        (tint(0.46, 0.36, 0.27), tint(0.36, 0.28, 0.2)), (tint(0.82, 0.76, 0.2), tint(0.5, 0.52, 0.16))];
-    let (a, b) = if matches!(crop, Crop::Rows(_) | Crop::Corn(_) | Crop::Strips(_)) { dice.pick(&pairs) } else { green };
+    let pairs = [
+        green,
+        (tint(0.28, 0.4, 0.16), tint(0.45, 0.36, 0.26)),
+        (tint(0.75, 0.65, 0.36), tint(0.55, 0.45, 0.28)),
+        (tint(0.46, 0.36, 0.27), tint(0.36, 0.28, 0.2)),
+        (tint(0.82, 0.76, 0.2), tint(0.5, 0.52, 0.16)),
+    ];
+    let (a, b) =
+        if matches!(crop, Crop::Rows(_) | Crop::Corn(_) | Crop::Strips(_)) { dice.pick(&pairs) } else { green };
     let quarter = if dice.chance(0.5) { 0.0 } else { core::f32::consts::FRAC_PI_2 };
     let angle = country.grain + quarter + dice.f(-0.05, 0.05);
     let along = (libm::cosf(angle), libm::sinf(angle));
@@ -241,7 +256,7 @@ fn fill(b: &mut Builder, country: &Country, field: &Field, polygon: &Polygon) {
         Crop::Corn(_) | Crop::Meadow if far < 250.0 && b.dice.chance(0.35) => bales(b, field, polygon),
         _ => {}
     }
-    if b.dice.chance(0.04) && (60.0..600.0).contains(&far) {
+    if b.dice.chance(0.012) && (60.0..600.0).contains(&far) {
         let material = b.paint(grey(0.7));
         let turn = b.dice.turn();
         props::mast(b, &Place::new(v3(field.centre.0, 0.0, field.centre.1), turn), material);
@@ -293,7 +308,7 @@ fn distance(p: (f32, f32), q: (f32, f32)) -> f32 {
 /// The points of a grid along the field's rows that lie at least `margin` within the polygon.
 fn grid(field: &Field, polygon: &Polygon, (du, dv): (f32, f32), margin: f32, most: usize) -> Vec<(f32, f32)> {
     let (c, s) = field.along;
-    let radius = polygon.iter().map(|p| (p.0 - field.centre.0).hypot_of(p.1 - field.centre.1)).fold(0.0, f32::max);
+    let radius = polygon.iter().map(|p| range(p.0 - field.centre.0, p.1 - field.centre.1)).fold(0.0, f32::max);
     let (nu, nv) = ((radius / du) as i32, (radius / dv) as i32);
     let mut out = Vec::new();
     for i in -nu..=nu {
@@ -308,14 +323,9 @@ fn grid(field: &Field, polygon: &Polygon, (du, dv): (f32, f32), margin: f32, mos
     out
 }
 
-trait Hypot {
-    fn hypot_of(self, other: f32) -> f32;
-}
-
-impl Hypot for f32 {
-    fn hypot_of(self, other: f32) -> f32 {
-        (self * self + other * other).sqrt()
-    }
+/// Distance of (x, z) from the origin.
+fn range(x: f32, z: f32) -> f32 {
+    (x * x + z * z).sqrt()
 }
 
 fn inside(polygon: &Polygon, p: (f32, f32), margin: f32) -> bool {
@@ -323,7 +333,7 @@ fn inside(polygon: &Polygon, p: (f32, f32), margin: f32) -> bool {
     polygon.iter().enumerate().all(|(i, &a)| {
         let b = polygon[(i + 1) % polygon.len()];
         let (dx, dz) = (b.0 - a.0, b.1 - a.1);
-        let length = dx.hypot_of(dz).max(1e-6);
+        let length = range(dx, dz).max(1e-6);
         let side = |q: (f32, f32)| ((q.0 - a.0) * dz - (q.1 - a.1) * dx) / length;
         side(p) * side(c).signum() > margin
     })
@@ -348,11 +358,12 @@ fn trees(b: &mut Builder, country: &Country, field: &Field, polygon: &Polygon, s
 fn lot(b: &mut Builder, country: &Country, field: &Field, polygon: &Polygon, far: f32) {
     let turn = (field.along.0, -field.along.1);
     let (x, z) = field.centre;
-    if x.hypot_of(z) < 14.0 {
+    if range(x, z) < 14.0 {
         return;
     }
     let size = area(polygon).sqrt();
-    let (width, depth) = ((size * b.dice.f(0.3, 0.45)).clamp(7.0, 26.0), (size * b.dice.f(0.22, 0.32)).clamp(6.0, 13.0));
+    let (width, depth) =
+        ((size * b.dice.f(0.3, 0.45)).clamp(7.0, 26.0), (size * b.dice.f(0.22, 0.32)).clamp(6.0, 13.0));
     let place = Place::new(v3(x, 0.0, z), turn);
     let front = place.child(v3(0.0, 0.0, -0.5 * depth), (1.0, 0.0));
     let plan = Plan { width, depth, storeys: b.dice.int(1, 3), shops: false, dusk: country.dusk, detail: far < 60.0 };
@@ -407,7 +418,7 @@ fn bales(b: &mut Builder, field: &Field, polygon: &Polygon) {
     let straw = b.material(Material::new(straw, tint(0.78, 0.68, 0.42), tint(0.6, 0.5, 0.28), seed).rough(0.3, 0.2));
     let round = b.dice.chance(0.5);
     for (x, z) in grid(field, polygon, (b.dice.f(9.0, 25.0), b.dice.f(12.0, 30.0)), 3.0, 40) {
-        if x.hypot_of(z) < 3.0 {
+        if range(x, z) < 3.0 {
             continue;
         }
         let place = Place::new(v3(x, 0.7, z), b.dice.turn());
@@ -415,6 +426,42 @@ fn bales(b: &mut Builder, field: &Field, polygon: &Polygon) {
             b.add(place, Shape::Axle(v3(0.6, 0.7, 0.7)), straw, straw);
         } else {
             b.add(place, Shape::Block(v3(1.1, 0.5, 0.6)), straw, straw);
+        }
+    }
+}
+
+/// What stands close to a camera at eye height: straight fences, a path of slabs, a seat, a car.
+fn foreground(b: &mut Builder, country: &Country) {
+    let (c, s) = b.dice.turn();
+    let metal = b.paint(grey(0.1));
+    for _ in 0..b.dice.int(1, 3) {
+        let (aside, reach) = (b.dice.sign() * b.dice.f(1.5, 9.0), b.dice.f(15.0, 60.0));
+        let at = |along: f32| v3(c * along - s * aside, 0.0, s * along + c * aside);
+        let (height, spacing) = (b.dice.f(0.9, 1.6), b.dice.f(1.8, 3.5));
+        props::fence(b, at(-reach), at(reach), height, spacing, country.wood);
+    }
+    let (seed, w, h) = (b.dice.seed(), b.dice.f(0.3, 1.0), b.dice.f(0.3, 0.9));
+    let stone = b.dice.near(tint(0.62, 0.6, 0.55), 0.25);
+    let slabs = Pattern::Bricks { w, h, joint: 0.02, shift: b.dice.pick(&[0.0, 0.5]) };
+    let slabs = b.material(Material::new(slabs, stone, stone * 0.35, seed).rough(0.2, 0.8));
+    let place = Place::new(v3(0.0, 0.0, 0.0), (c, -s));
+    if b.dice.chance(0.6) {
+        let (aside, wide) = (b.dice.f(-3.0, 3.0), b.dice.f(1.0, 4.5));
+        let long = b.dice.f(20.0, 80.0);
+        b.block(&place, v3(0.0, 0.02, aside), v3(long, 0.06, wide), slabs);
+    }
+    for _ in 0..b.dice.int(1, 5) {
+        let at = place.at(v3(b.dice.sign() * b.dice.f(2.5, 14.0), 0.0, b.dice.sign() * b.dice.f(2.0, 8.0)));
+        let spot = Place::new(at, b.dice.turn());
+        match b.dice.below(4) {
+            0 => props::car(b, &country.cars, &spot),
+            1 => props::bench(b, &spot, country.wood, metal),
+            2 => props::sign(b, &spot, metal),
+            _ => {
+                let size = v3(b.dice.f(1.5, 5.0), b.dice.f(0.8, 2.6), b.dice.f(1.2, 3.0));
+                b.block(&spot, v3(0.0, 0.5 * size.y, 0.0), size, slabs);
+                b.block(&spot, v3(0.0, size.y, 0.0), v3(size.x + 0.3, 0.1, size.z + 0.3), country.wood);
+            }
         }
     }
 }

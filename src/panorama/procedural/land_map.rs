@@ -154,7 +154,8 @@ impl LandMap {
             Crop::Wood => f.b.mix(tint(0.3, 0.24, 0.16), 0.4),
             Crop::Meadow | Crop::Orchard(_) | Crop::Lot | Crop::Solar => {
                 let mown = bars(v / 2.4, 0.5, fv / 2.4);
-                let patch = smooth(-0.1, 0.6, octaves2(s.u * 0.15, s.v * 0.15, 4, 0.6, s.foot.mean() * 0.15, f.seed ^ 2));
+                let patch =
+                    smooth(-0.1, 0.6, octaves2(s.u * 0.15, s.v * 0.15, 4, 0.6, s.foot.mean() * 0.15, f.seed ^ 2));
                 f.a.mix(f.b, clamp01(0.18 * mown + 0.6 * patch))
             }
         };

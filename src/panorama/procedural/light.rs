@@ -74,7 +74,7 @@ impl Scene {
             None => self.ground.look(p, ray.d, angle * hit.t),
         };
         let n = hit.n;
-        let mut seen = look.colour * (self.incident(p, n, hit.t, deep) + V3::default()) + look.colour * look.glow;
+        let mut seen = look.colour * self.incident(p, n, hit.t, deep) + look.colour * look.glow;
         if look.mirror > 0.0 {
             let cosine = -ray.d.dot(n);
             let side = 1.0 - cosine;
@@ -116,7 +116,7 @@ impl Scene {
             let distance = square.sqrt();
             let cosine = n.dot(to) / distance;
             let strength = cosine / (square + 0.15);
-            if cosine > 0.0 && strength * lamp.power.y > 4e-3 {
+            if cosine > 0.0 && strength * lamp.power.y > 1e-2 {
                 let reached = !deep || !self.blocked(&Ray::new(p, to * (1.0 / distance)), distance - 0.2);
                 sum += lamp.power * (strength * if reached { 1.0 } else { 0.12 });
             }
@@ -142,7 +142,8 @@ impl Scene {
         let Some(h) = self.light.room else {
             return open * (0.72 + 0.28 * least(most(p.y - self.ground_y, 0.25 * (1.0 + n.y)), 1.0));
         };
-        let planes = [(h.x - p.x, -n.x), (h.x + p.x, n.x), (p.y, n.y), (h.y - p.y, -n.y), (h.z - p.z, -n.z), (h.z + p.z, n.z)];
+        let planes =
+            [(h.x - p.x, -n.x), (h.x + p.x, n.x), (p.y, n.y), (h.y - p.y, -n.y), (h.z - p.z, -n.z), (h.z + p.z, n.z)];
         for (distance, facing) in planes {
             if facing < 0.7 {
                 let near = 1.0 / (1.0 + 2.5 * most(distance, 0.0));

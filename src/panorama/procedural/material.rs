@@ -128,6 +128,8 @@ pub struct Spot {
     pub face: (f32, f32),
     pub half: (f32, f32),
     pub foot: Foot,
+    /// Whether the surface is flat, so that (u, v) tells its points apart.
+    pub flat: bool,
     /// Number of the solid.
     pub id: u32,
 }
@@ -155,7 +157,13 @@ impl Material {
         }
         if self.rough > 0.0 {
             let scale = 1.0 / self.size;
-            k += self.rough * octaves3(s.p * scale, 7, 0.68, s.foot.mean() * scale, self.seed);
+            let foot = s.foot.mean() * scale;
+            k += self.rough
+                * if s.flat {
+                    octaves2(s.u * scale, s.v * scale, 8, 0.7, foot, self.seed)
+                } else {
+                    octaves3(s.p * scale, 6, 0.68, foot, self.seed)
+                };
         }
         look.colour = look.colour * most(k, 0.05);
         look
@@ -269,7 +277,8 @@ impl Material {
         let part = |j: f32| cell(book, j, self.seed ^ 11);
         let back = V3 { x: part(3.0), y: part(4.0), z: part(5.0) };
         let back = (back * back).mix(grey(0.3), 0.3) * 0.8;
-        let label = span(s.face.1, 0.2 * s.half.1, 0.45 * s.half.1, s.foot.v()) * if part(6.0) > 0.5 { 0.6 } else { 0.0 };
+        let label =
+            span(s.face.1, 0.2 * s.half.1, 0.45 * s.half.1, s.foot.v()) * if part(6.0) > 0.5 { 0.6 } else { 0.0 };
         let shown = back.mix(grey(0.7), label) * (1.0 - 0.8 * gap);
         shown.mix(grey(0.02), above).mix(grey(0.15), 1.0 - fade(0.6 * f))
     }

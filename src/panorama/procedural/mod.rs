@@ -10,6 +10,7 @@ mod building;
 mod bvh;
 mod dice;
 mod facade;
+mod furnish;
 mod furniture;
 mod ground;
 mod land;
@@ -81,12 +82,15 @@ pub fn kind_of(seed: u64, index: u32, mix: &SceneMix) -> SceneKind {
 ///
 /// `width` should be even; rows are rendered in parallel, with the same bits for any number of threads.
 pub fn render(seed: u64, index: u32, kind: SceneKind, width: u32) -> Vec<u8> {
-    let scene = match kind {
+    render::equirect(&scene(seed, index, kind), width)
+}
+
+fn scene(seed: u64, index: u32, kind: SceneKind) -> scene::Scene {
+    match kind {
         SceneKind::Room => room::room(seed, index),
         SceneKind::Street => street::street(seed, index),
         SceneKind::Land => land::land(seed, index),
-    };
-    render::equirect(&scene, width)
+    }
 }
 
 #[cfg(test)]

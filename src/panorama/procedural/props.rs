@@ -42,7 +42,14 @@ pub fn car(b: &mut Builder, parts: &CarParts, place: &Place) {
         let top = b.dice.f(1.9, 2.7);
         let cab = 0.22 * length;
         b.block(place, v3(-0.5 * cab, 0.5 * (belt + top), 0.0), v3(length - cab, top - belt, 0.97 * width), paint);
-        prism(b, place, v3(0.5 * length - cab, 0.5 * (belt + 1.9), 0.0), v3(1.6 * cab, 1.9 - belt, 0.9 * width), parts.glass, paint);
+        prism(
+            b,
+            place,
+            v3(0.5 * length - cab, 0.5 * (belt + 1.9), 0.0),
+            v3(1.6 * cab, 1.9 - belt, 0.9 * width),
+            parts.glass,
+            paint,
+        );
     } else {
         let top = b.dice.f(1.38, 1.65);
         let cabin = length * b.dice.f(0.55, 0.72);

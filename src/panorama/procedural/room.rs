@@ -2,7 +2,8 @@
 
 use super::building::{Plan, building};
 use super::dice::Dice;
-use super::furniture::{self as piece, Finish};
+use super::furnish::furnish;
+use super::furniture::Finish;
 use super::ground::Ground;
 use super::light::{Lamp, Light};
 use super::material::{Material, Pattern};
@@ -15,7 +16,7 @@ use super::walls::{self, Covering, Gap, THICK, Wall};
 
 /// What a room is used for.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Use {
+pub enum Use {
     Living,
     Bed,
     Kitchen,
@@ -28,20 +29,31 @@ enum Use {
 }
 
 /// A room in the making: half sizes and height, walls, and rectangles of the floor in use.
-struct Room {
-    half: (f32, f32),
-    height: f32,
-    walls: Vec<Wall>,
+pub struct Room {
+    pub half: (f32, f32),
+    pub height: f32,
+    pub walls: Vec<Wall>,
     taken: Vec<[f32; 4]>,
-    finish: Finish,
-    lamps: Vec<Lamp>,
+    pub finish: Finish,
+    pub lamps: Vec<Lamp>,
 }
 
 /// Scene `index` as a room.
 pub fn room(seed: u64, index: u32) -> Scene {
     let mut b = Builder::new(Dice::open(seed, index, "room"));
     let weather = Weather::draw(&mut b.dice);
-    let uses = [Use::Living, Use::Living, Use::Bed, Use::Kitchen, Use::Office, Use::Class, Use::Library, Use::Hall, Use::Corridor, Use::Store];
+    let uses = [
+        Use::Living,
+        Use::Living,
+        Use::Bed,
+        Use::Kitchen,
+        Use::Office,
+        Use::Class,
+        Use::Library,
+        Use::Hall,
+        Use::Corridor,
+        Use::Store,
+    ];
     let usage = b.dice.pick(&uses);
     let (x, z, height) = size(&mut b.dice, usage);
     let finish = Finish::draw(&mut b);
@@ -183,7 +195,10 @@ fn pictures(b: &mut Builder, room: &Room) {
         for _ in 0..b.dice.below(2 + (wall.length / 1.5) as u32) {
             let (w, h) = (b.dice.f(0.25, 1.1) * big, b.dice.f(0.25, 0.85) * big);
             let reach = 0.5 * (wall.length - w) - 0.1;
-            let at = (b.dice.f(-1.0, 1.0) * reach.max(0.0), b.dice.f(1.4, 1.8).max(0.9 + 0.5 * h).min(room.height - 0.5 * h - 0.1));
+            let at = (
+                b.dice.f(-1.0, 1.0) * reach.max(0.0),
+                b.dice.f(1.4, 1.8).max(0.9 + 0.5 * h).min(room.height - 0.5 * h - 0.1),
+            );
             let free = wall.gaps.iter().all(|g| at.0 + 0.5 * w + 0.15 < g.x.0 || at.0 - 0.5 * w - 0.15 > g.x.1);
             if free && reach > 0.0 {
                 walls::picture(b, wall, at, (w, h));
@@ -198,7 +213,7 @@ fn meets(a: &[f32; 4], b: &[f32; 4]) -> bool {
 
 impl Room {
     /// Takes the rectangle of half sizes `w`, `d` about a point if it is free and inside.
-    fn take(&mut self, (x, z): (f32, f32), (w, d): (f32, f32)) -> bool {
+    pub fn take(&mut self, (x, z): (f32, f32), (w, d): (f32, f32)) -> bool {
         let area = [x - w, x + w, z - d, z + d];
         let (hx, hz) = (self.half.0 + 0.01, self.half.1 + 0.01);
         let inside = area[0] >= -hx && area[1] <= hx && area[2] >= -hz && area[3] <= hz;
@@ -210,12 +225,14 @@ impl Room {
     }
 
     /// A free place at a wall for something of width, height and depth; its back to the wall.
-    fn at_wall(&mut self, dice: &mut Dice, size: V3) -> Option<Place> {
+    pub fn at_wall(&mut self, dice: &mut Dice, size: V3) -> Option<Place> {
         for _ in 0..16 {
             let wall = &self.walls[dice.below(4) as usize];
             let reach = 0.5 * (wall.length - size.x) - 0.03;
             let x = dice.f(-1.0, 1.0) * reach;
-            let open = |g: &Gap| (!g.window || size.y > g.y.0) && g.x.0 - 0.1 < x + 0.5 * size.x && g.x.1 + 0.1 > x - 0.5 * size.x;
+            let open = |g: &Gap| {
+                (!g.window || size.y > g.y.0) && g.x.0 - 0.1 < x + 0.5 * size.x && g.x.1 + 0.1 > x - 0.5 * size.x
+            };
             if reach <= 0.0 || wall.gaps.iter().any(open) {
                 continue;
             }
@@ -231,7 +248,7 @@ impl Room {
     }
 
     /// A free place on the floor for something of width and depth, square to the room or aslant.
-    fn on_floor(&mut self, dice: &mut Dice, w: f32, d: f32) -> Option<Place> {
+    pub fn on_floor(&mut self, dice: &mut Dice, w: f32, d: f32) -> Option<Place> {
         for _ in 0..16 {
             let at = (dice.f(-1.0, 1.0) * self.half.0, dice.f(-1.0, 1.0) * self.half.1);
             let (turn, half) = match dice.below(3) {
@@ -247,250 +264,6 @@ impl Room {
     }
 }
 
-fn furnish(b: &mut Builder, room: &mut Room, usage: Use) {
-    let f = room.finish;
-    match usage {
-        Use::Living => living(b, room, &f),
-        Use::Bed => bedroom(b, room, &f),
-        Use::Kitchen => kitchen(b, room, &f),
-        Use::Office | Use::Class => desks(b, room, &f, usage == Use::Class),
-        Use::Library => stacks(b, room, &f, false),
-        Use::Store => stacks(b, room, &f, true),
-        Use::Hall => hall(b, room, &f),
-        Use::Corridor => {}
-    }
-    let more = 2 + (room.half.0 * room.half.1 * 0.35) as u32;
-    for _ in 0..b.dice.int(1, more.min(9)) {
-        extra(b, room, &f);
-    }
-}
-
-/// Something that may stand in any room.
-fn extra(b: &mut Builder, room: &mut Room, f: &Finish) {
-    let choice = b.dice.below(7);
-    let size = match choice {
-        0 => v3(b.dice.f(0.6, 1.8), b.dice.f(0.9, 2.2), b.dice.f(0.25, 0.4)),
-        1 => v3(b.dice.f(0.5, 2.0), b.dice.f(0.7, 2.1), b.dice.f(0.35, 0.6)),
-        2 => v3(0.8, 0.9, 0.8),
-        3 => v3(0.5, 1.6, 0.5),
-        4 => v3(0.5, 0.9, 0.55),
-        5 => v3(b.dice.f(1.1, 1.6), 1.3, 0.78),
-        _ => v3(0.6, 1.2, 0.6),
-    };
-    let Some(place) = room.at_wall(&mut b.dice, size) else { return };
-    match choice {
-        0 => piece::shelf(b, &place, size, f),
-        1 => piece::cupboard(b, &place, v3(size.x, size.y, size.z - 0.04), f),
-        2 => piece::boxes(b, &place, f),
-        3 => floor_lamp(b, room, &place),
-        4 => piece::chair(b, &place.child(v3(0.0, 0.0, -0.25), (1.0, 0.0)), f, 1),
-        5 => piece::desk(b, &place, size.x, f),
-        _ => {
-            let height = b.dice.f(0.6, 1.7);
-            piece::plant(b, &place.child(v3(0.0, 0.0, -0.3), (1.0, 0.0)), height, f);
-        }
-    }
-}
-
-fn floor_lamp(b: &mut Builder, room: &mut Room, place: &Place) {
-    let on = b.dice.chance(0.5);
-    let shade = b.material(Material::plain(tint(0.95, 0.85, 0.65), 3).glowing(if on { 1.6 } else { 0.0 }));
-    let at = piece::standard_lamp(b, &place.child(v3(0.0, 0.0, -0.25), (1.0, 0.0)), shade, &room.finish);
-    if on {
-        room.lamps.push(Lamp { at, power: v3(0.5, 0.4, 0.27) });
-    }
-}
-
-fn rug(b: &mut Builder, place: &Place, w: f32, d: f32) {
-    let (a, c) = (b.dice.hue((0.2, 0.8), (0.2, 0.7)), b.dice.hue((0.1, 0.6), (0.4, 0.9)));
-    let (seed, size) = (b.dice.seed(), b.dice.f(0.12, 0.4));
-    let cloth = b.material(Material::new(Pattern::Rug(size), a, c, seed).rough(0.15, 0.1));
-    b.block(place, v3(0.0, 0.006, 0.0), v3(w, 0.012, d), cloth);
-}
-
-fn living(b: &mut Builder, room: &mut Room, f: &Finish) {
-    for _ in 0..b.dice.int(1, 2) {
-        let width = b.dice.f(0.9, 2.6);
-        if let Some(place) = room.at_wall(&mut b.dice, v3(width, 0.88, 1.0)) {
-            piece::sofa(b, &place, width, f);
-            let front = place.child(v3(0.0, 0.0, -1.7), (1.0, 0.0));
-            let (w, d) = (b.dice.f(1.4, 2.8), b.dice.f(1.1, 1.9));
-            rug(b, &front, w, d);
-            if room.take((front.origin.x, front.origin.z), (0.5, 0.5)) {
-                let size = v3(b.dice.f(0.6, 1.1), b.dice.f(0.35, 0.5), b.dice.f(0.5, 0.7));
-                piece::table(b, &front, size, f);
-            }
-        }
-    }
-    if let Some(place) = room.at_wall(&mut b.dice, v3(1.6, 1.5, 0.5)) {
-        piece::cupboard(b, &place, v3(1.6, 0.5, 0.42), f);
-        let wide = b.dice.f(0.9, 1.5);
-        b.block(&place, v3(0.0, 0.95, -0.15), v3(wide, 0.75, 0.05), f.dark);
-    }
-    dining(b, room, f);
-}
-
-fn bedroom(b: &mut Builder, room: &mut Room, f: &Finish) {
-    let width = b.dice.pick(&[0.9, 1.2, 1.6, 1.8]);
-    if let Some(place) = room.at_wall(&mut b.dice, v3(width + 0.9, 1.0, 2.2)) {
-        piece::bed(b, &place, width, f);
-        for x in [-0.5 * width - 0.25, 0.5 * width + 0.25] {
-            let high = b.dice.f(0.4, 0.6);
-            piece::cupboard(b, &place.child(v3(x, 0.0, 0.0), (1.0, 0.0)), v3(0.4, high, 0.38), f);
-        }
-        let (w, d) = (width + 1.2, b.dice.f(1.2, 2.2));
-        rug(b, &place.child(v3(0.0, 0.0, -1.8), (1.0, 0.0)), w, d);
-    }
-    let size = v3(b.dice.f(1.0, 2.4), b.dice.f(1.9, 2.25), 0.6);
-    if let Some(place) = room.at_wall(&mut b.dice, size) {
-        piece::cupboard(b, &place, size, f);
-    }
-}
-
-fn kitchen(b: &mut Builder, room: &mut Room, f: &Finish) {
-    let seed = b.dice.seed();
-    let colour = b.dice.hue((0.0, 0.5), (0.5, 0.95));
-    let side = b.dice.f(0.08, 0.2);
-    let tiles = Pattern::Bricks { w: side * b.dice.pick(&[1.0, 2.0]), h: side, joint: 0.004, shift: b.dice.pick(&[0.0, 0.5]) };
-    let tiles = b.material(Material::new(tiles, colour, colour * 0.5, seed).shiny(0.1));
-    for _ in 0..2 {
-        let length = b.dice.f(1.5, 3.6);
-        if let Some(place) = room.at_wall(&mut b.dice, v3(length, 2.2, 0.66)) {
-            piece::kitchen(b, &place, length, tiles, f);
-        }
-    }
-    if let Some(place) = room.at_wall(&mut b.dice, v3(0.65, 1.8, 0.7)) {
-        b.block(&place, v3(0.0, 0.9, -0.33), v3(0.6, 1.8, 0.62), f.white);
-        b.block(&place, v3(0.0, 1.2, -0.645), v3(0.6, 0.012, 0.01), f.dark);
-        b.block(&place, v3(0.25, 1.0, -0.67), v3(0.02, 0.35, 0.03), f.metal);
-    }
-    dining(b, room, f);
-}
-
-/// A table with chairs round it.
-fn dining(b: &mut Builder, room: &mut Room, f: &Finish) {
-    let (w, d) = (b.dice.f(0.9, 2.2), b.dice.f(0.75, 1.0));
-    let Some(place) = room.on_floor(&mut b.dice, w + 0.3, d + 0.9) else { return };
-    let high = b.dice.f(0.7, 0.78);
-    piece::table(b, &place, v3(w, high, d), f);
-    let style = b.dice.below(12);
-    let n = ((w / 0.62) as u32).max(1);
-    for side in [-1.0, 1.0] {
-        for i in 0..n {
-            let x = w * ((i as f32 + 0.5) / n as f32 - 0.5) + b.dice.f(-0.04, 0.04);
-            let out = 0.5 * d + b.dice.f(0.0, 0.3);
-            piece::chair(b, &place.child(v3(x, 0.0, side * out), (side, 0.0)), f, style);
-        }
-    }
-    let vase = v3(b.dice.f(-0.2, 0.2) * w, 0.76, 0.0);
-    let tall = b.dice.f(0.1, 0.3);
-    b.tube(&place, vase, tall, (0.06, 0.08), f.other);
-}
-
-/// Rows of desks, all looking one way.
-fn desks(b: &mut Builder, room: &mut Room, f: &Finish, class: bool) {
-    let (w, style) = (b.dice.f(1.2, 1.7), b.dice.below(12));
-    let (dx, dz) = (w + if class { b.dice.f(0.3, 0.9) } else { 0.0 }, b.dice.f(1.5, 2.1));
-    let (nx, nz) = (((2.0 * room.half.0 - 1.6) / dx) as i32, ((2.0 * room.half.1 - 2.5) / dz) as i32);
-    for i in 0..nx {
-        for j in 0..nz {
-            let at = ((i as f32 - 0.5 * (nx as f32 - 1.0)) * dx, (j as f32 - 0.5 * (nz as f32 - 1.0)) * dz);
-            if !b.dice.chance(0.9) || !room.take(at, (0.5 * w - 0.02, 0.6)) {
-                continue;
-            }
-            let place = Place::level(v3(at.0, 0.0, at.1));
-            if class {
-                piece::table(b, &place, v3(w, 0.72, 0.5), f);
-            } else {
-                piece::desk(b, &place.child(v3(0.0, 0.0, 0.38), (1.0, 0.0)), w, f);
-            }
-            let back = b.dice.f(-0.62, -0.4);
-            piece::chair(b, &place.child(v3(0.0, 0.0, back), (-1.0, 0.0)), f, style);
-        }
-    }
-    if class {
-        let board = b.paint(b_tone(style));
-        let wall = &room.walls[0];
-        let w = (0.6 * wall.length).min(4.5);
-        b.block(&wall.place, v3(0.0, 1.55, -0.03), v3(w, 1.15, 0.04), board);
-        b.block(&wall.place, v3(0.0, 0.95, -0.06), v3(w, 0.03, 0.1), f.metal);
-    }
-}
-
-fn b_tone(style: u32) -> V3 {
-    if style % 2 == 0 { tint(0.14, 0.26, 0.2) } else { grey(0.75) }
-}
-
-/// Rows of shelves with books, or racks with crates.
-fn stacks(b: &mut Builder, room: &mut Room, f: &Finish, store: bool) {
-    let (deep, aisle) = if store { (1.0, b.dice.f(1.8, 3.0)) } else { (0.6, b.dice.f(1.2, 2.0)) };
-    let long = b.dice.f(1.2, 2.4);
-    let height = b.dice.f(1.6, 2.6).min(room.height - 0.3) * if store { (room.height / 3.2).min(1.7) } else { 1.0 };
-    let (nx, nz) = (((2.0 * room.half.0 - 1.4) / long) as i32, ((2.0 * room.half.1 - 1.4) / (deep + aisle)) as i32);
-    for i in 0..nx {
-        for j in 0..nz {
-            let at = ((i as f32 - 0.5 * (nx as f32 - 1.0)) * long, (j as f32 - 0.5 * (nz as f32 - 1.0)) * (deep + aisle));
-            if i % 5 == 4 || !b.dice.chance(0.9) || b.solids.len() > 4500 || !room.take(at, (0.49 * long, 0.5 * deep)) {
-                continue;
-            }
-            let place = Place::level(v3(at.0, 0.0, at.1));
-            if store {
-                rack(b, &place, v3(long, height, deep), f);
-            } else {
-                piece::shelf(b, &place, v3(long, height, 0.3), f);
-                piece::shelf(b, &Place::new(place.origin, (-1.0, 0.0)), v3(long, height, 0.3), f);
-            }
-        }
-    }
-}
-
-fn rack(b: &mut Builder, place: &Place, size: V3, f: &Finish) {
-    for x in [-0.5, 0.5] {
-        for z in [-0.5, 0.5] {
-            b.block(place, v3(x * size.x, 0.5 * size.y, z * size.z), v3(0.07, size.y, 0.07), f.cloth);
-        }
-    }
-    let levels = (size.y / 1.1) as u32 + 1;
-    for level in 0..levels {
-        let y = 0.12 + level as f32 * (size.y - 0.2) / levels as f32;
-        for z in [-0.5, 0.5] {
-            b.block(place, v3(0.0, y, z * size.z), v3(size.x, 0.1, 0.04), f.metal);
-        }
-        b.block(place, v3(0.0, y + 0.05, 0.0), v3(size.x, 0.02, size.z), f.other);
-        for i in 0..3 {
-            if b.dice.chance(0.7) {
-                let at = place.child(v3((i as f32 - 1.0) * 0.32 * size.x, y + 0.06, 0.3), (1.0, 0.0));
-                piece::boxes(b, &at, f);
-            }
-        }
-    }
-}
-
-fn hall(b: &mut Builder, room: &mut Room, f: &Finish) {
-    let (step, r) = (b.dice.f(3.0, 6.0), b.dice.f(0.15, 0.4));
-    let (inset, round) = (b.dice.f(0.2, 0.7), b.dice.chance(0.5));
-    let level = Place::level(V3::default());
-    for side in [-1.0, 1.0] {
-        for i in 0..(2.0 * room.half.1 / step) as i32 {
-            let at = (side * inset * room.half.0, -room.half.1 + (i as f32 + 0.5) * step);
-            if !room.take(at, (r + 0.1, r + 0.1)) {
-                continue;
-            }
-            let (base, h) = (v3(at.0, 0.0, at.1), room.height);
-            if round {
-                b.tube(&level, base, h, (r, 0.88 * r), f.white);
-            } else {
-                b.block(&level, base + v3(0.0, 0.5 * h, 0.0), v3(1.8 * r, h, 1.8 * r), f.white);
-            }
-            b.block(&level, base + v3(0.0, 0.12, 0.0), v3(2.5 * r, 0.24, 2.5 * r), f.other);
-            b.block(&level, base + v3(0.0, h - 0.12, 0.0), v3(2.5 * r, 0.24, 2.5 * r), f.other);
-        }
-    }
-    for _ in 0..b.dice.int(1, 6) {
-        dining(b, room, f);
-    }
-}
-
 /// Lamps under the ceiling, in a grid that suits the room.
 fn ceiling_lamps(b: &mut Builder, room: &mut Room, dusk: bool) {
     let on = dusk || b.dice.chance(0.45);
@@ -503,10 +276,14 @@ fn ceiling_lamps(b: &mut Builder, room: &mut Room, dusk: bool) {
     let (style, drop) = (b.dice.below(4), b.dice.f(0.3, 0.9) * (room.height - 1.9).max(0.2));
     for i in 0..nx {
         for j in 0..nz {
-            let at = v3(hx * ((2 * i + 1) as f32 / nx as f32 - 1.0), room.height, hz * ((2 * j + 1) as f32 / nz as f32 - 1.0));
+            let at = v3(
+                hx * ((2 * i + 1) as f32 / nx as f32 - 1.0),
+                room.height,
+                hz * ((2 * j + 1) as f32 / nz as f32 - 1.0),
+            );
             let low = fitting(b, at, style, drop, bulb, room.finish.metal);
             // More lamps than this would cost time and add nothing to see.
-            if on && (i + j) % ((nx * nz).div_ceil(6)) == 0 {
+            if on && (i + j) % ((nx * nz).div_ceil(5)) == 0 && room.lamps.len() < 5 {
                 room.lamps.push(Lamp { at: low, power: colour * (0.22 * room.height * room.height) });
             }
         }
@@ -531,7 +308,7 @@ fn fitting(b: &mut Builder, at: V3, style: u32, drop: f32, bulb: u16, metal: u16
             return at - v3(0.0, drop + 0.4, 0.0);
         }
     }
-    at - v3(0.0, 0.2, 0.0)
+    at - v3(0.0, 0.09, 0.0)
 }
 
 /// Houses and trees before the windows; gives the height of the ground.
@@ -547,7 +324,14 @@ fn outside(b: &mut Builder, room: &Room, dusk: bool) -> f32 {
             let out = b.dice.f(12.0, 45.0);
             let aside = b.dice.f(-20.0, 20.0);
             let place = wall.place.child(v3(aside, y, out), (1.0, 0.0));
-            let plan = Plan { width: b.dice.f(8.0, 20.0), depth: 10.0, storeys: b.dice.int(1, 5), shops: false, dusk, detail: true };
+            let plan = Plan {
+                width: b.dice.f(8.0, 20.0),
+                depth: 10.0,
+                storeys: b.dice.int(1, 5),
+                shops: false,
+                dusk,
+                detail: true,
+            };
             building(b, &place, &plan);
         }
         for _ in 0..b.dice.below(5) {
@@ -567,7 +351,9 @@ fn close(mut b: Builder, room: Room, weather: Weather, eye: V3, ground_y: f32) -
     let shine: f32 = panes.iter().map(|pane| pane.power.luminance()).sum();
     let lamps: f32 = room.lamps.iter().map(|lamp| lamp.power.luminance()).sum();
     let floor = 4.0 * hx * hz;
-    let all = grey(0.05) + weather.above * (1.2 * shine / (floor + 4.0)) + v3(1.0, 0.88, 0.72) * (1.1 * lamps / (floor + 4.0));
+    let all = grey(0.05)
+        + weather.above * (1.2 * shine / (floor + 4.0))
+        + v3(1.0, 0.88, 0.72) * (1.1 * lamps / (floor + 4.0));
     let light = Light {
         sun: weather.sky.sun,
         sun_colour: weather.sun,

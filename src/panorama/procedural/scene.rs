@@ -5,8 +5,9 @@ use super::dice::Dice;
 use super::ground::Ground;
 use super::light::Light;
 use super::material::{Foot, Material, Spot};
+use super::render;
 use super::shape::{Place, Ray, Shape, Touch, slope};
-use super::sky::Sky;
+use super::sky::{Sky, Weather};
 use super::vector::{V3, v3};
 
 /// A solid in its place.
@@ -125,6 +126,7 @@ impl Scene {
             face: (q.dot(u), q.dot(v)),
             half,
             foot: Foot { base: angle * touch.t, ku: d.dot(u) / dn, kv: d.dot(v) / dn },
+            flat: true,
             id,
         };
         match solid.shape {
@@ -136,7 +138,7 @@ impl Scene {
             Shape::Ball(_) | Shape::Crown(_) | Shape::Cone(_) | Shape::Axle(_) => {
                 let skew = (0.5 * (1.0 / (dn * dn) - 1.0).abs()).sqrt();
                 let base = make(x + z, y, (h.x, h.y));
-                Spot { foot: Foot { base: angle * touch.t, ku: skew, kv: skew }, ..base }
+                Spot { foot: Foot { base: angle * touch.t, ku: skew, kv: skew }, flat: false, ..base }
             }
             _ if n.x.abs() > 0.5 => make(z, y, (h.z, h.y)),
             _ if n.y.abs() > 0.5 => make(x, z, (h.x, h.z)),
@@ -153,6 +155,37 @@ impl Scene {
             _ => n.y.abs() > 0.99,
         };
         &self.materials[usize::from(if capped { solid.cap } else { solid.side })]
+    }
+}
+
+impl Scene {
+    /// Closes a scene outdoors: light from the weather, tree of solids, exposure.
+    pub fn assemble(mut b: Builder, weather: Weather, ground: Ground, eye: V3) -> Scene {
+        let light = Light {
+            sun: weather.sky.sun,
+            sun_colour: weather.sun,
+            above: weather.above,
+            below: weather.below,
+            lamps: Vec::new(),
+            panes: Vec::new(),
+            room: None,
+            haze: weather.haze,
+            exposure: 1.0,
+        };
+        // Bright skies would leave the land, which is what matters, dark.
+        let open = if matches!(ground, Ground::Land(_)) { 1.3 } else { 1.0 };
+        let target = open * if weather.dusk { b.dice.f(0.09, 0.16) } else { b.dice.f(0.17, 0.3) };
+        let mut scene = Scene::close(b, light, weather.sky, ground, eye);
+        render::expose(&mut scene, target);
+        scene
+    }
+
+    /// Builds the tree and turns the camera by chance.
+    pub fn close(mut b: Builder, light: Light, sky: Sky, ground: Ground, eye: V3) -> Scene {
+        let boxes: Vec<_> = b.solids.iter().map(Solid::bounds).collect();
+        let yaw = b.dice.turn();
+        let tree = Bvh::build(&boxes);
+        Scene { eye, yaw, solids: b.solids, materials: b.materials, tree, ground, ground_y: 0.0, sky, light }
     }
 }
 

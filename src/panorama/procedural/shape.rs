@@ -227,13 +227,12 @@ fn cone(o: V3, d: V3, c: V3, far: f32) -> Option<Touch> {
     let (half, low, high) = (c.x, c.y, c.z);
     let grow = (high - low) / (2.0 * half);
     let mut best: Option<Touch> = None;
-    if let Some((t, p)) = mantle(o, d, c, grow) {
-        if t > NEAR && t < far && p.y.abs() <= half {
-            let ring = (p.x * p.x + p.z * p.z).sqrt();
-            let flat = 1.0 / (1.0 + grow * grow).sqrt();
-            let out = flat / most(ring, 1e-6);
-            best = Some(Touch { t, n: v3(p.x * out, -grow * flat, p.z * out) });
-        }
+    let side = mantle(o, d, c, grow).filter(|(t, p)| *t > NEAR && *t < far && p.y.abs() <= half);
+    if let Some((t, p)) = side {
+        let ring = (p.x * p.x + p.z * p.z).sqrt();
+        let flat = 1.0 / (1.0 + grow * grow).sqrt();
+        let out = flat / most(ring, 1e-6);
+        best = Some(Touch { t, n: v3(p.x * out, -grow * flat, p.z * out) });
     }
     let (y, radius) = if d.y < 0.0 { (half, high) } else { (-half, low) };
     if d.y != 0.0 && radius > 0.0 {

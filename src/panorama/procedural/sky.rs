@@ -62,7 +62,7 @@ impl Weather {
         let base = dice.near(v3(0.78, 0.84, 0.92), 0.15) * dice.f(0.7, 1.1);
         let (cover, y) = (dice.f(0.8, 1.0), dice.f(0.3, 0.9));
         let sky = Sky::new(dice, (base * 0.8, base * 1.05), y, grey(0.15), cover);
-        Self { sky, sun: grey(0.0), above: base, below: base * 0.25, dusk: false, haze: dice.log(3e-4, 3e-3) }
+        Self { sky, sun: grey(0.0), above: base, below: base * 0.25, dusk: false, haze: dice.log(2e-4, 1e-3) }
     }
 
     fn dusk(dice: &mut Dice) -> Self {

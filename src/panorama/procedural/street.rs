@@ -3,7 +3,6 @@
 use super::building::{Plan, building};
 use super::dice::Dice;
 use super::ground::Ground;
-use super::light::Light;
 use super::material::{Material, Pattern};
 use super::plants::Species;
 use super::props::{self, CarParts};
@@ -129,7 +128,14 @@ fn ends(b: &mut Builder, layout: &Layout, dusk: bool) {
     for end in [-1.0, 1.0] {
         if b.dice.chance(0.6) {
             let place = Place::new(v3(0.0, 0.0, end * (layout.reach + b.dice.f(3.0, 30.0))), (end, 0.0));
-            let plan = Plan { width: b.dice.f(20.0, 50.0), depth: 15.0, storeys: b.dice.int(2, 7), shops: false, dusk, detail: false };
+            let plan = Plan {
+                width: b.dice.f(20.0, 50.0),
+                depth: 15.0,
+                storeys: b.dice.int(2, 7),
+                shops: false,
+                dusk,
+                detail: false,
+            };
             building(b, &place, &plan);
         }
     }
@@ -140,7 +146,8 @@ fn ends(b: &mut Builder, layout: &Layout, dusk: bool) {
                     let x = side * (layout.half + layout.pavement + 22.0 * k as f32);
                     let at = z + b.dice.sign() * (half + 3.0);
                     let place = Place::new(v3(x + 8.0 * side, 0.0, at), if at > z { (1.0, 0.0) } else { (-1.0, 0.0) });
-                    let plan = Plan { width: 18.0, depth: 10.0, storeys: b.dice.int(1, 5), shops: false, dusk, detail: false };
+                    let plan =
+                        Plan { width: 18.0, depth: 10.0, storeys: b.dice.int(1, 5), shops: false, dusk, detail: false };
                     building(b, &place, &plan);
                 }
             }
@@ -212,7 +219,7 @@ fn cars(b: &mut Builder, layout: &Layout, side: f32, dusk: bool) {
             }
         }
     }
-    for _ in 0..b.dice.below(6) {
+    for _ in 0..b.dice.below(9) {
         let x = side * 0.5 * (layout.half - layout.parking);
         let z = b.dice.f(-100.0, 100.0);
         props::car(b, &parts, &Place::new(v3(x, 0.0, z), heading));
@@ -227,7 +234,7 @@ fn map(b: &mut Builder, layout: &Layout) -> StreetMap {
         let (w, h) = (b.dice.f(0.1, 0.22), b.dice.f(0.1, 0.16));
         Material::new(Pattern::Bricks { w, h, joint: 0.015, shift: 0.5 }, stone, stone * 0.4, seed).rough(0.2, 1.0)
     } else {
-        Material::plain(b.dice.near(dark, 0.1), seed).rough(0.16, 2.5)
+        Material::plain(b.dice.near(dark, 0.1), seed).rough(0.22, 2.5)
     };
     let green = b.dice.near(tint(0.36, 0.42, 0.22), 0.2);
     let beyond = Material::new(Pattern::Mottle(0.8), green, tint(0.45, 0.4, 0.3), seed).rough(0.25, 0.2);
@@ -264,33 +271,4 @@ pub fn clear_of(b: &Builder, eye: V3) -> V3 {
         at = eye + v3(0.22 * ((step % 5) as f32 - 2.0), 0.0, if step % 2 == 0 { 0.2 * k } else { -0.2 * k });
     }
     v3(eye.x, eye.y, at.z)
-}
-
-impl Scene {
-    /// Closes a scene outdoors: light from the weather, tree of solids, exposure.
-    pub fn assemble(mut b: Builder, weather: Weather, ground: Ground, eye: V3) -> Scene {
-        let light = Light {
-            sun: weather.sky.sun,
-            sun_colour: weather.sun,
-            above: weather.above,
-            below: weather.below,
-            lamps: Vec::new(),
-            panes: Vec::new(),
-            room: None,
-            haze: weather.haze,
-            exposure: 1.0,
-        };
-        let target = if weather.dusk { b.dice.f(0.09, 0.16) } else { b.dice.f(0.17, 0.3) };
-        let mut scene = Scene::close(b, light, weather.sky, ground, eye);
-        super::render::expose(&mut scene, target);
-        scene
-    }
-
-    /// Builds the tree and turns the camera by chance.
-    pub fn close(mut b: Builder, light: Light, sky: super::sky::Sky, ground: Ground, eye: V3) -> Scene {
-        let boxes: Vec<_> = b.solids.iter().map(super::scene::Solid::bounds).collect();
-        let yaw = b.dice.turn();
-        let tree = super::bvh::Bvh::build(&boxes);
-        Scene { eye, yaw, solids: b.solids, materials: b.materials, tree, ground, ground_y: 0.0, sky, light }
-    }
 }

@@ -44,6 +44,17 @@ impl StreetMap {
             None => self.marks(s),
         };
         look.colour = look.colour.mix(self.paint, 0.85 * worn * clamp01(marks));
+        if on_side.is_none() {
+            // Joints between strips of the surface, and gutters of stone.
+            let f = s.foot.u();
+            let joint =
+                span((x.abs() - 0.5 * self.half).abs(), -1.0, 0.02, f) + bars(z / 23.0, 0.002, s.foot.v() / 23.0);
+            let gutter = span(x.abs(), self.half - 0.32, self.half, f);
+            let stones = bars(z / 0.5, 0.04, s.foot.v() / 0.5) + span(x.abs(), self.half - 0.33, self.half - 0.3, f);
+            look.colour = (look.colour * (1.0 - 0.45 * clamp01(joint)))
+                .mix(grey(0.24) * (1.0 - 0.6 * clamp01(stones)), 0.8 * gutter);
+            look.colour = look.colour.mix(grey(0.05), self.covers(x, z, s.foot.mean()));
+        }
         if self.rails {
             let f = s.foot.u();
             let rail = span((x.abs() - 1.6).abs(), 0.68, 0.75, f) + span((x.abs() - 1.6).abs(), 0.79, 0.83, f);
@@ -80,13 +91,26 @@ impl StreetMap {
         most(stop, span(z, -0.06, 0.06, fv) * bars(x / 6.0, 0.5, fu / 6.0))
     }
 
+    /// Round covers of shafts, here and there.
+    fn covers(&self, x: f32, z: f32, foot: f32) -> f32 {
+        let (u, v) = (super::vector::floor(x / 3.0), super::vector::floor(z / 7.0));
+        let draw = |k: u32| super::noise::cell(u, v, self.seed ^ k);
+        if draw(1) > 0.3 {
+            return 0.0;
+        }
+        let (dx, dz) = (x - 3.0 * (u + 0.2 + 0.6 * draw(2)), z - 7.0 * (v + 0.2 + 0.6 * draw(3)));
+        let r = (dx * dx + dz * dz).sqrt();
+        let grate = 0.6 + 0.4 * bars(dx / 0.08, 0.5, foot / 0.08);
+        0.85 * span(r, -1.0, 0.33, foot) * grate
+    }
+
     /// Repairs of the surface, darker or lighter, with straight borders.
     fn patched(&self, look: Look, x: f32, z: f32) -> Look {
         let (u, v) = (super::vector::floor(x / 2.1), super::vector::floor(z / 9.0));
         let draw = super::noise::cell(u, v, self.seed);
-        if draw > 0.1 {
+        if draw > 0.22 {
             return look;
         }
-        Look { colour: look.colour * (0.72 + 4.0 * draw), ..look }
+        Look { colour: look.colour * (0.7 + 2.2 * draw), ..look }
     }
 }

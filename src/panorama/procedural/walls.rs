@@ -57,7 +57,11 @@ impl Covering {
 
 fn wall(b: &mut Builder) -> u16 {
     let seed = b.dice.seed();
-    let paint = if b.dice.chance(0.5) { b.dice.near(tint(0.9, 0.88, 0.84), 0.12) } else { b.dice.hue((0.05, 0.45), (0.5, 0.92)) };
+    let paint = if b.dice.chance(0.5) {
+        b.dice.near(tint(0.9, 0.88, 0.84), 0.12)
+    } else {
+        b.dice.hue((0.05, 0.45), (0.5, 0.92))
+    };
     let darker = b.dice.f(0.5, 0.9);
     let other = b.dice.near(paint * darker, 0.2);
     let pattern = match b.dice.below(9) {
@@ -74,15 +78,23 @@ fn wall(b: &mut Builder) -> u16 {
 
 fn floor(b: &mut Builder) -> u16 {
     let seed = b.dice.seed();
-    let wood = b.dice.pick(&[tint(0.66, 0.48, 0.3), tint(0.5, 0.33, 0.2), tint(0.78, 0.64, 0.44), tint(0.42, 0.36, 0.3)]);
+    let wood =
+        b.dice.pick(&[tint(0.66, 0.48, 0.3), tint(0.5, 0.33, 0.2), tint(0.78, 0.64, 0.44), tint(0.42, 0.36, 0.3)]);
     let wood = b.dice.near(wood, 0.2);
     let stone = b.dice.near(tint(0.7, 0.66, 0.6), 0.35);
     let gloss = if b.dice.chance(0.4) { b.dice.f(0.1, 0.35) } else { 0.0 };
     let side = b.dice.f(0.15, 0.6);
     let material = match b.dice.below(8) {
-        0..=2 => Material::new(Pattern::Planks { w: b.dice.f(0.06, 0.22), l: b.dice.f(0.5, 2.4) }, wood, wood * 0.6, seed),
+        0..=2 => {
+            Material::new(Pattern::Planks { w: b.dice.f(0.06, 0.22), l: b.dice.f(0.5, 2.4) }, wood, wood * 0.6, seed)
+        }
         3 => Material::new(Pattern::Checker { side, joint: 0.005 }, stone, stone * b.dice.f(0.1, 0.6), seed),
-        4 | 5 => Material::new(Pattern::Bricks { w: side, h: side, joint: 0.006, shift: b.dice.pick(&[0.0, 0.0, 0.5]) }, stone, stone * 0.35, seed),
+        4 | 5 => Material::new(
+            Pattern::Bricks { w: side, h: side, joint: 0.006, shift: b.dice.pick(&[0.0, 0.0, 0.5]) },
+            stone,
+            stone * 0.35,
+            seed,
+        ),
         6 => {
             let colour = b.dice.hue((0.1, 0.5), (0.3, 0.7));
             return b.material(Material::new(Pattern::Mottle(0.03), colour, colour * 0.75, seed).rough(0.15, 0.4));
@@ -244,7 +256,9 @@ pub fn picture(b: &mut Builder, wall: &Wall, (x, y): (f32, f32), (w, h): (f32, f
     b.block(&wall.place, v3(x, y, -0.02), v3(w, h, 0.035), face);
     let edge = b.paint(frame);
     let rim = 0.02;
-    for (dx, dy, sx, sy) in [(0.5 * w, 0.0, rim, h), (-0.5 * w, 0.0, rim, h), (0.0, 0.5 * h, w, rim), (0.0, -0.5 * h, w, rim)] {
+    for (dx, dy, sx, sy) in
+        [(0.5 * w, 0.0, rim, h), (-0.5 * w, 0.0, rim, h), (0.0, 0.5 * h, w, rim), (0.0, -0.5 * h, w, rim)]
+    {
         b.block(&wall.place, v3(x + dx, y + dy, -0.025), v3(sx + rim, sy + rim, 0.05), edge);
     }
 }
