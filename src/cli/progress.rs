@@ -160,7 +160,6 @@ pub(super) struct Quiet;
 impl Progress for Quiet {
     fn begin(&self, _: &str, _: u64) {}
     fn advance(&self, _: u64) {}
-    fn advance_outer(&self, _: u64) {}
     fn note(&self, _: &str) {}
     fn end(&self) {}
     fn interrupted(&self) -> bool {

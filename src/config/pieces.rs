@@ -30,7 +30,7 @@ const fn section(path: &'static [&'static str], folder: &'static str, default: &
 /// Every section; one inside another stands after it.
 pub(super) const SECTIONS: [Section; 13] = [
     section(&["dataset"], "dataset", "wide_angle"),
-    section(&["split"], "split", "by_panorama"),
+    section(&["split"], "split", "by_group"),
     section(&["augment"], "augment", "paper"),
     section(&["backbone"], "backbone", "inception_v3"),
     section(&["network"], "network", "single_net"),

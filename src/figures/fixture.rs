@@ -38,6 +38,7 @@ pub(crate) fn run(trials: u32, layers: u32) -> RunArtefacts {
     RunArtefacts {
         experiment: experiment(),
         metrics: metrics(),
+        comparisons: Vec::new(),
         predictions: predictions(&mut noise),
         importance: if trials.len() > 2 { importance(layers) } else { Vec::new() },
         trials,
@@ -57,6 +58,7 @@ pub(crate) fn empty() -> RunArtefacts {
     RunArtefacts {
         experiment: experiment(),
         metrics: Vec::new(),
+        comparisons: Vec::new(),
         predictions: BTreeMap::new(),
         trials: Vec::new(),
         importance: Vec::new(),

@@ -6,8 +6,8 @@ pub trait Progress: Sync {
     fn begin(&self, label: &str, total: u64);
     /// `by` more units are done.
     fn advance(&self, by: u64);
-    /// `by` more units are done of the work that contains the present one (trials, while epochs are counted).
-    fn advance_outer(&self, by: u64);
+    /// More units are done of the work that contains the present one (trials, while epochs are counted).
+    fn advance_outer(&self, _by: u64) {}
     /// One line about the present state, e.g. the best value so far.
     fn note(&self, text: &str);
     /// The work that began last is done.
@@ -24,7 +24,6 @@ pub struct Silent;
 impl Progress for Silent {
     fn begin(&self, _: &str, _: u64) {}
     fn advance(&self, _: u64) {}
-    fn advance_outer(&self, _: u64) {}
     fn note(&self, _: &str) {}
     fn end(&self) {}
     fn interrupted(&self) -> bool {

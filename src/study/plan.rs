@@ -92,8 +92,8 @@ impl Planner<'_> {
     }
 
     fn has_features(&self, dataset: &Artefact, options: &Options) -> Result<bool, Error> {
-        let backbone = Stages::load_backbone(self.spec, options)?;
-        let parts = stages::features_key_parts(self.spec, &backbone);
+        let (backbone, variant) = Stages::load_backbone(self.spec, options)?;
+        let parts = stages::features_key_parts(self.spec, &backbone, &variant);
         Ok(self.cache.contains("features", &dataset.derive_key(FEATURES, &parts)?))
     }
 

@@ -9,7 +9,7 @@ use serde::Serialize;
 use serde_json::json;
 
 use super::{Error, Options, Training};
-use crate::backbone::{self, Backbone, WeightsSource};
+use crate::backbone::{self, Backbone, Variant, WeightsSource};
 use crate::config::spec::{Experiment, PanoramaSource};
 use crate::dataset::{self, Dataset, Subset, View};
 use crate::features::{self, FeatureRow, FeatureSet};
@@ -154,8 +154,8 @@ impl<'a> Stages<'a> {
 
     /// Outputs of the frozen backbone for each copy of each view.
     pub(super) fn features(&self, dataset: &Made<Dataset>) -> Result<(Made<FeatureSet>, Backbone), Error> {
-        let mut backbone = Self::load_backbone(self.spec, self.options)?;
-        let key = dataset.artefact.derive_key(FEATURES, &features_key_parts(self.spec, &backbone))?;
+        let (mut backbone, variant) = Self::load_backbone(self.spec, self.options)?;
+        let key = dataset.artefact.derive_key(FEATURES, &features_key_parts(self.spec, &backbone, &variant))?;
         let rows = feature_rows(dataset.value.views(), self.spec.augment.copies);
         let artefact = self.artefact(("features", FEATURES), &key, rows.len() as f64, |writer| {
             if backbone.is_seeded() {
@@ -168,9 +168,14 @@ impl<'a> Stages<'a> {
         Ok((Made { artefact, value }, backbone))
     }
 
-    /// The backbone of the experiment, its weights checked against their description.
-    pub(super) fn load_backbone(spec: &Experiment, options: &Options) -> Result<Backbone, Error> {
-        Ok(Backbone::load(&spec.backbone, weights_source(spec, &options.weights)?)?)
+    /// The backbone of the experiment, its weights checked against their description, whose variant comes with it.
+    pub(super) fn load_backbone(spec: &Experiment, options: &Options) -> Result<(Backbone, Option<Variant>), Error> {
+        let source = weights_source(spec, &options.weights)?;
+        let variant = match &source {
+            WeightsSource::Seeded { .. } => None,
+            WeightsSource::File { description, .. } => Some(description.variant.clone()),
+        };
+        Ok((Backbone::load(&spec.backbone, source)?, variant))
     }
 
     fn network_input(&self, dataset: &Dataset, row: FeatureRow) -> Vec<u8> {
@@ -248,8 +253,9 @@ pub(super) fn dataset_key_parts(spec: &Experiment) -> impl Serialize {
 }
 
 /// What the features depend on beside the views' pixels.
-pub(super) fn features_key_parts(spec: &Experiment, backbone: &Backbone) -> impl Serialize {
-    json!({ "backbone": spec.backbone, "weights": backbone.weights_hash(), "augment": spec.augment, "seed": spec.seed })
+pub(super) fn features_key_parts(spec: &Experiment, backbone: &Backbone, variant: &Option<Variant>) -> impl Serialize {
+    json!({ "backbone": spec.backbone, "weights": backbone.weights_hash(), "variant": variant,
+        "augment": spec.augment, "seed": spec.seed })
 }
 
 fn key(parts: &serde_json::Value) -> Result<Hash, Error> {
@@ -306,7 +312,6 @@ impl Progress for Epochs<'_> {
         let before = self.left.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |n| Some(n.saturating_sub(by)));
         self.stages.progress.advance(by.min(before.unwrap_or(0)));
     }
-    fn advance_outer(&self, _: u64) {}
     fn note(&self, _: &str) {}
     fn end(&self) {}
     fn interrupted(&self) -> bool {
