@@ -32,9 +32,8 @@ struct Labels {
 ///
 /// `panorama_pixels` gives the pixels of a panorama by its id; it is asked once for every run of
 /// consecutive views of one panorama. Views are rendered in parallel; the bytes do not depend on how
-/// many threads there are. In memory are the levels of one panorama (about 45 times its bytes, reduced
-/// to the width that the resolution needs) and a
-/// few dozen views.
+/// many threads there are. In memory are the levels of one panorama (about 45 times its bytes, once it
+/// is reduced to the width that the resolution needs) and a few dozen views.
 ///
 /// # Errors
 /// Those of `panorama_pixels` and of the disk; [`Error::Interrupted`].
