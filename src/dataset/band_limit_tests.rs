@@ -64,41 +64,25 @@ fn turn(s: &mut rng::Stream) -> [[f32; 3]; 3] {
 }
 
 /// Noise with the same power in every octave, down to two pixels of the panorama. Bands lie half an
-/// octave apart and begin at a random scale, so that they do not mark a scale themselves. A pixel is
-/// the mean over its area.
-fn noise(width: usize, number: u64) -> Vec<u8> {
+/// octave apart and begin at a random scale, so that they do not mark a scale themselves.
+fn noise(number: u64) -> Vec<u8> {
     let mut s = rng::stream(5, "test", &[number], "noise");
-    let finest = width as f64 / (2.0 * PI) * libm::exp2(s.range(0.0, 0.5));
+    let finest = WIDTH as f64 / (2.0 * PI) * libm::exp2(s.range(0.0, 0.5));
     let bands = 2 * libm::log2(finest) as i32 + 3;
-    let octaves: Vec<Octave> = (0..bands)
-        .map(|k| Octave {
-            turn: turn(&mut s),
-            cells_per_radian: (finest * libm::exp2(-f64::from(k) / 2.0)) as f32,
-            salt: s.word(),
-        })
-        .collect();
-    let contrast = s.range(35.0, 60.0) as f32;
-    (0..width * width / 2)
-        .flat_map(|i| {
-            let mut sum = 0.0;
-            for quarter in 0..4 {
-                let (x, y) = (
-                    (i % width) as f64 + 0.25 + 0.5 * f64::from(quarter % 2),
-                    (i / width) as f64 + 0.25 + 0.5 * f64::from(quarter / 2),
-                );
-                let (sa, ca) = libm::sincos(x / width as f64 * 2.0 * PI - PI);
-                let (sp, cp) = libm::sincos(y / width as f64 * 2.0 * PI);
-                let d = [(sp * sa) as f32, -cp as f32, (sp * ca) as f32];
-                // Coarse bands hardly change within a pixel.
-                let (fine, coarse) = octaves.split_at(8);
-                sum += fine.iter().map(|o| o.value(d)).sum::<f32>();
-                if quarter == 0 {
-                    sum += 4.0 * coarse.iter().map(|o| o.value(d)).sum::<f32>();
-                }
-            }
-            [(127.5 + contrast * sum / 4.0).round().clamp(0.0, 255.0) as u8; 3]
-        })
-        .collect()
+    let octave = |k: i32| Octave {
+        turn: turn(&mut s),
+        cells_per_radian: (finest * libm::exp2(-f64::from(k) / 2.0)) as f32,
+        salt: s.word(),
+    };
+    let octaves: Vec<Octave> = (0..bands).map(octave).collect();
+    let contrast = s.range(30.0, 50.0) as f32;
+    let value = |i: usize| {
+        let (sa, ca) = libm::sincos(((i % WIDTH) as f64 + 0.5) / WIDTH as f64 * 2.0 * PI - PI);
+        let (sp, cp) = libm::sincos(((i / WIDTH) as f64 + 0.5) / WIDTH as f64 * 2.0 * PI);
+        let direction = [(sp * sa) as f32, -cp as f32, (sp * ca) as f32];
+        127.5 + contrast * octaves.iter().map(|o| o.value(direction)).sum::<f32>()
+    };
+    (0..WIDTH * WIDTH / 2).flat_map(|i| [value(i).round().clamp(0.0, 255.0) as u8; 3]).collect()
 }
 
 fn views() -> Vec<View> {
@@ -112,11 +96,10 @@ fn views() -> Vec<View> {
             ..panorama(&i.to_string(), "", None)
         })
         .collect();
-    plan_views(&spec, &vec![Subset::Train; PANORAMAS], &panoramas, 3).unwrap()
+    plan_views(&spec, &[Subset::Train; PANORAMAS], &panoramas, 3).unwrap()
 }
 
-static NOISE: LazyLock<Vec<Vec<u8>>> =
-    LazyLock::new(|| (0..PANORAMAS as u64).into_par_iter().map(|number| noise(WIDTH, number)).collect());
+static NOISE: LazyLock<Vec<Vec<u8>>> = LazyLock::new(|| (0..PANORAMAS as u64).into_par_iter().map(noise).collect());
 
 type Renderer = fn(&Equirect<'_>, &[View]) -> Vec<Vec<u8>>;
 
@@ -143,36 +126,35 @@ fn plain(image: &Equirect<'_>, views: &[View]) -> Vec<Vec<u8>> {
     views.iter().map(picture).collect()
 }
 
-/// Mean spectra, over several noise panoramas and poses, of cameras from the widest to the narrowest.
-///
-/// Lowest intervals left out: there the sphere itself ends, and with it the noise.
+/// Mean spectrum of a camera over the panoramas, four poses each.
+fn mean_spectrum((f, xi): (f64, f64)) -> Vec<f64> {
+    let mut mean = vec![0.0; BINS];
+    for (p, rgb) in NOISE.iter().enumerate() {
+        let image = Equirect { width: WIDTH, height: WIDTH / 2, rgb };
+        let yaw_deg = 10.0 * p as f64;
+        let poses = [(0.0, -20.0), (90.0, 0.0), (180.0, 20.0), (270.0, 10.0)];
+        let views = poses.map(|(turn, pitch_deg)| View { yaw_deg: yaw_deg + turn, pitch_deg, ..view(0, "", f, xi) });
+        for pixels in band_limited(&image, &views) {
+            let spectrum = radial_log_power(&pixels, 299, FRAME.resolution, BINS);
+            mean.iter_mut().zip(spectrum).for_each(|(m, s)| *m += s / (4 * PANORAMAS) as f64);
+        }
+    }
+    mean
+}
+
+/// Over seven decades of power, the mean spectra of the widest and the narrowest cameras differ by no more
+/// than 0.1 decades, chance included; the lowest intervals excepted, where the sphere itself ends.
 #[test]
 fn spectra_of_all_cameras_coincide() {
-    let cameras =
-        [(60.0, 0.0), (150.0, 0.0), (500.0, 0.0), (60.0, 0.6), (150.0, 0.6), (500.0, 0.6), (150.0, 1.2), (500.0, 1.2)];
-    let mean = |(f, xi): (f64, f64)| {
-        let mut sum = vec![0.0; BINS];
-        for p in 0..PANORAMAS {
-            let image = Equirect { width: WIDTH, height: WIDTH / 2, rgb: &NOISE[p] };
-            let pose = |i: usize| View {
-                yaw_deg: 90.0 * i as f64 + p as f64,
-                pitch_deg: 20.0 * (i % 3) as f64 - 20.0,
-                ..view(0, "", f, xi)
-            };
-            let views: Vec<View> = (0..4).map(pose).collect();
-            for pixels in band_limited(&image, &views) {
-                let spectrum = radial_log_power(&pixels, 299, FRAME.resolution, BINS);
-                sum.iter_mut().zip(spectrum).for_each(|(s, p)| *s += p / (4 * PANORAMAS) as f64);
-            }
-        }
-        sum
-    };
-    let spectra: Vec<Vec<f64>> = cameras.par_iter().map(|&c| mean(c)).collect();
+    let cameras = [(60.0, 0.0), (150.0, 0.0), (500.0, 0.0), (60.0, 0.6), (500.0, 0.6), (150.0, 1.2), (500.0, 1.2)];
+    let spectra: Vec<Vec<f64>> = cameras.par_iter().map(|&camera| mean_spectrum(camera)).collect();
     for (camera, spectrum) in cameras.iter().zip(&spectra) {
-        let difference: Vec<String> = (0..BINS).map(|b| format!("{:+.2}", spectrum[b] - spectra[1][b])).collect();
-        eprintln!("{camera:?} {}", difference.join(" "));
+        for b in 3..BINS {
+            let difference = spectrum[b] - spectra[1][b];
+            assert!(difference.abs() < 0.1, "{camera:?}, interval {b}: {difference:+.3}");
+        }
     }
-    eprintln!("{:?}", spectra[1].iter().map(|p| (p * 10.0).round() / 10.0).collect::<Vec<_>>());
+    assert!(spectra[1][0] - spectra[1][BINS - 1] > 5.0, "what lies beyond the limit is gone: {:?}", spectra[1]);
 }
 
 /// Spectra of all views, panorama by panorama.
@@ -252,13 +234,11 @@ fn gain(renderer: Renderer) -> (f64, f64) {
 #[test]
 fn the_spectrum_of_band_limited_noise_does_not_tell_the_focal_length() {
     let (low, high) = gain(band_limited);
-    eprintln!("gain {low:.3} {high:.3}");
     assert!(low <= 0.0, "the spectrum lowers the error of f by {low:.3} to {high:.3}");
 }
 
 #[test]
 fn without_the_band_limit_the_same_spectrum_tells_it() {
     let (low, high) = gain(plain);
-    eprintln!("gain {low:.3} {high:.3}");
-    assert!(low > 0.1, "{low:.3} to {high:.3}");
+    assert!(low > 0.15, "{low:.3} to {high:.3}");
 }

@@ -109,9 +109,7 @@ fn solve(mut a: [[f64; FITTED]; FITTED], mut b: [f64; FITTED]) -> [f64; FITTED] 
     for k in 0..FITTED {
         for i in k + 1..FITTED {
             let factor = a[i][k] / a[k][k];
-            for j in k..FITTED {
-                a[i][j] -= factor * a[k][j];
-            }
+            (k..FITTED).for_each(|j| a[i][j] -= factor * a[k][j]);
             b[i] -= factor * b[k];
         }
     }

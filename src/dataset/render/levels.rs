@@ -1,10 +1,10 @@
 //! A panorama in ever coarser levels, each blurred by a known Gaussian that is round on the sphere.
 //!
 //! The unit of length is the pixel of level 0, that of variance its square; on the sphere a pixel is
-//! π/height. A pixel counts as the mean over its area (variance 1/12 each way) and is read by linear
-//! interpolation (1/6), so what is read from level 0 has variance 1/4. Level k has 1/4 · √2ᵏ in every
-//! direction of the sphere: along a row, at the sine s of its polar angle, one pixel covers only s times
-//! the angle, so rows are blurred by 1/s² more.
+//! π/height. What is read from level 0 has variance 1/4, from level k 1/4 · √2ᵏ, in every direction of the
+//! sphere: along a row, at the sine s of its polar angle, one pixel covers only s times the angle, so rows
+//! are blurred by 1/s² more. Of that variance, linear interpolation makes 1/6, the panorama's own pixels
+//! [`OWN`], and the level's blur the rest.
 
 use rayon::prelude::*;
 
@@ -12,8 +12,15 @@ use super::Texel;
 use super::blur::{WIDE, blur_widely, half_kernel, with_ends};
 use crate::panorama::Equirect;
 
-/// Variance of what is read from level 0: the pixel's own area and linear interpolation.
+/// Variance of what is read from level 0.
 pub const FINEST: f64 = 0.25;
+
+/// Variance of linear interpolation, averaged over the places between two texels.
+const INTERPOLATION: f64 = 1.0 / 6.0;
+
+/// Variance that a panorama's pixels are taken to have of their own: half-way between the mean over the
+/// pixel's area (1/12: a supersampled rendering) and a point (0: a well filtered reduction).
+const OWN: f64 = 1.0 / 24.0;
 
 /// From this level on the grid is halved every fourth level, which keeps the blur above 0.7 of its pixels.
 const FIRST_HALVED: usize = 7;
@@ -121,7 +128,8 @@ impl Level {
 
     /// Level 0: rows of a panorama are less blurred on the sphere the nearer they are to a pole.
     fn with_round_blur(&self) -> Self {
-        self.blurred(&[1.0], FINEST, 1, |sine| FINEST / (sine * sine) - FINEST)
+        let there = OWN + INTERPOLATION;
+        self.blurred(&half_kernel(FINEST - there), FINEST, 1, |sine| FINEST / (sine * sine) - there)
     }
 
     /// The next coarser level, on a grid of half as many texels each way if `halve` and they are even.
@@ -132,7 +140,7 @@ impl Level {
         let unit = (self.grid * self.grid) as f64;
         let added = (variance - self.variance) / unit;
         // A pair's mean blurs by 1/4; interpolation on the coarser grid by (2² − 1²)/6 more than on this.
-        let by_halving = if halve { 0.25 + 0.5 } else { 0.0 };
+        let by_halving = if halve { 0.25 + 3.0 * INTERPOLATION } else { 0.0 };
         let along_column = half_kernel(added - by_halving);
         self.blurred(&along_column, variance, stride, |sine| added / (sine * sine) - by_halving)
     }
@@ -229,8 +237,9 @@ pub fn add(sum: &mut [Texel], row: &[Texel], weight: f32) {
     }
 }
 
+/// Sum of texels, each times its weight.
 #[inline(always)]
-fn weighted(texels: &[Texel], weights: &[f32]) -> Texel {
+pub fn weighted(texels: &[Texel], weights: &[f32]) -> Texel {
     let mut sum = [0.0; 4];
     for (t, &weight) in texels.iter().zip(weights) {
         (0..4).for_each(|c| sum[c] += weight * t[c]);
@@ -292,9 +301,9 @@ mod tests {
     #[test]
     fn levels_blur_by_their_variance_in_both_directions_and_at_all_latitudes() {
         let (width, m) = (256, 12.0);
-        // What a pixel's own area takes away has to be in the image: exp(−m² /24) per pixel².
+        // What a pixel is taken to blur of its own has to be in the image.
         let pixel = 2.0 * PI / width as f64;
-        let own = libm::exp(-m * m * pixel * pixel / 24.0);
+        let own = libm::exp(-m * m * pixel * pixel * OWN / 2.0);
         for axis in 0..3 {
             let rgb = image(width, |d| 128.0 + 120.0 * own * libm::cos(m * d[axis]));
             let levels = Levels::build(&Equirect { width, height: width / 2, rgb: &rgb }, 1, 11);

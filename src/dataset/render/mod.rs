@@ -1,23 +1,33 @@
 //! Views rendered from a panorama, all with the same point spread.
 //!
 //! A view of a coarse panorama would be blurred the more the longer its focal length is, and a network
-//! would read f off the blur. So the spread of a point *in the view* is the same Gaussian for every f
-//! and ξ and at every place of every view: σ² = 0.36 + 0.13 = 0.49 in pixels of the resolution R
-//! ("R-pixels"), which leaves 9 % of the contrast at R's Nyquist frequency.
+//! would read f off the blur. So the spread of a point *in the view* is the same for every f and ξ and at
+//! every place of every view. Its unit is the pixel of the resolution R ("R-pixel").
 //!
-//! 1. The view is sampled on a grid of 2R × 2R points. Around each the panorama is read with a spread of
+//! 1. The view is sampled on a grid of 2R × 2R points. Around each the panorama is read with a Gaussian of
 //!    variance 0.36. The camera stretches it along the radius and across it by two different scales; a
-//!    level of the panorama ([`levels`]) whose own blur gives 0.36 along the larger, and a few
-//!    weighted readings along the smaller supply the rest. At R = 0.095 × width, f = 500 px (at 299),
-//!    ξ = 0, the blur of the panorama's own pixels just reaches 0.36 at the corner: hence that limit.
-//!    (It exceeds it, along the radius, in the outermost corners of views with f < 90 px and ξ < 1.)
-//! 2. The grid is resampled to the view's pixels by a Gaussian of variance 0.13.
+//!    level of the panorama ([`levels`]) whose own blur gives 0.36 along the larger, and a few weighted
+//!    readings along the smaller supply the rest. The blur of the panorama's own pixels must not exceed
+//!    0.36: at R = 0.095 × width, f = 500 px (at 299), ξ = 0 it reaches that at the corner. (It exceeds it,
+//!    along the radius, in the outermost corners of views with f < 90 px and ξ < 1.)
+//! 2. A low-pass cuts off at 0.38 cycles an R-pixel and lets nothing pass beyond 0.5, the Nyquist frequency
+//!    of R: there a view with f = 500 px has nothing to show and one with f = 60 px would have.
+//! 3. The R × R pixels are interpolated to the view's.
+//!
+//! How well that works depends on what a panorama's pixels blur of their own, which nobody knows: see
+//! [`levels`]. Measured on noise of equal power in every octave, 1,024 px wide, R = 97, 384 views to train
+//! and 384 to test: a ridge regression of f on the radial spectrum lowers the mean's error by 0.4 % (95 %
+//! interval −4.8 to 5.5) where a pixel is a point of noise that ends at the Nyquist frequency, and by 1.4 %
+//! (−1.3 to 4.6) where it is an area's mean of noise that goes on an octave further. The cut-off and the
+//! blur of a pixel were chosen on this same noise. A soft panorama, an area's mean of noise that fades
+//! before the Nyquist frequency, still leaks: 16 % (9 to 23). Without the band limit it is 41 %.
 
 mod angle;
 mod blur;
 mod levels;
 mod optics;
 mod pose;
+mod resample;
 
 pub use levels::Levels;
 pub use pose::Pose;
@@ -34,9 +44,6 @@ const OVERSAMPLING: usize = 2;
 
 /// Variance of what is read around a grid point, in R-pixels².
 const READ_VARIANCE: f64 = 0.36;
-
-/// Standard deviation of the resampling kernel, in R-pixels.
-const RESAMPLE_SD: f64 = 0.36;
 
 /// Grid points beyond the edge of the view that the resampling kernel reaches.
 const MARGIN: usize = 4;
@@ -65,53 +72,7 @@ pub fn render(levels: &Levels, view: &View, pose: &Pose, frame: Frame) -> Vec<u8
     for (y, line) in grid.chunks_exact_mut(side).enumerate() {
         optics.read_line(&source, place(y), place, line);
     }
-    resample(&grid, side, frame)
-}
-
-/// Weights with which one pixel takes the grid points from `first` on.
-struct Taps {
-    first: usize,
-    weights: [f32; 2 * MARGIN],
-}
-
-fn taps(frame: Frame) -> Vec<Taps> {
-    let points_per_pixel = (OVERSAMPLING as f64 * f64::from(frame.resolution)) / f64::from(frame.image_px);
-    let sd = RESAMPLE_SD * OVERSAMPLING as f64;
-    (0..frame.image_px)
-        .map(|i| {
-            let centre = (f64::from(i) + 0.5) * points_per_pixel - 0.5 + MARGIN as f64;
-            let first = centre.floor() as usize + 1 - MARGIN;
-            let weight = |k: usize| {
-                let d = ((first + k) as f64 - centre) / sd;
-                libm::exp(-d * d / 2.0)
-            };
-            let sum: f64 = (0..2 * MARGIN).map(weight).sum();
-            Taps { first, weights: core::array::from_fn(|k| (weight(k) / sum) as f32) }
-        })
-        .collect()
-}
-
-fn resample(grid: &[Texel], side: usize, frame: Frame) -> Vec<u8> {
-    let taps = taps(frame);
-    let px = frame.image_px as usize;
-    let mut lines = vec![[0.0; 4]; side * px];
-    for (line, row) in lines.chunks_exact_mut(px).zip(grid.chunks_exact(side)) {
-        for (texel, taps) in line.iter_mut().zip(&taps) {
-            for (point, &weight) in row[taps.first..].iter().zip(&taps.weights) {
-                (0..4).for_each(|c| texel[c] += weight * point[c]);
-            }
-        }
-    }
-    let mut rgb = Vec::with_capacity(3 * px * px);
-    let mut sum = vec![[0.0; 4]; px];
-    for taps in &taps {
-        sum.fill([0.0; 4]);
-        for (line, &weight) in lines.chunks_exact(px).skip(taps.first).zip(&taps.weights) {
-            levels::add(&mut sum, line, weight);
-        }
-        rgb.extend(sum.iter().flat_map(|s| [to_byte(s[0]), to_byte(s[1]), to_byte(s[2])]));
-    }
-    rgb
+    resample::to_pixels(&grid, side, frame)
 }
 
 /// The nearest code value, halves away from zero, within 0 to 255.
