@@ -19,6 +19,7 @@ fn spec() -> BackboneSpec {
         tune: Tune::Frozen,
         taps: vec!["block2".to_owned()],
         rings: 0,
+        components: 0,
     }
 }
 

@@ -8,7 +8,15 @@ use crate::rng::stream;
 
 fn spec(architecture: Architecture, side: u32, taps: &[&str], rings: u32) -> BackboneSpec {
     let taps = taps.iter().map(|t| (*t).to_owned()).collect();
-    BackboneSpec { architecture, input_px: side, weights: "seeded".to_owned(), tune: Tune::Frozen, taps, rings }
+    BackboneSpec {
+        architecture,
+        input_px: side,
+        weights: "seeded".to_owned(),
+        tune: Tune::Frozen,
+        taps,
+        rings,
+        components: 0,
+    }
 }
 
 fn noise(side: usize, images: usize) -> Vec<u8> {

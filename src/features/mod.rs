@@ -6,7 +6,7 @@ mod set;
 mod write;
 
 pub use set::FeatureSet;
-pub use write::write;
+pub use write::{write, write_matrix};
 
 use std::path::PathBuf;
 

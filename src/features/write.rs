@@ -54,6 +54,24 @@ pub fn write(
     Ok(())
 }
 
+/// Writes `values` (one row of `dim` numbers for each of `rows`) as a matrix of features called `name`.
+///
+/// # Errors
+/// The disk.
+pub fn write_matrix(
+    writer: &ArtefactWriter,
+    name: &str,
+    dim: usize,
+    rows: &[FeatureRow],
+    values: &[f32],
+) -> Result<(), Error> {
+    let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+    store::write(&writer.path(MATRIX), &bytes)?;
+    let taps = vec![TapDescription { name: name.to_owned(), channels: dim }];
+    let description = Description { format: FORMAT, dim, taps, rings: 0, rows: rows.to_vec() };
+    Ok(store::write_json(&writer.path(DESCRIPTION), &description)?)
+}
+
 fn description(backbone: &Backbone, rows: &[FeatureRow]) -> Description {
     let taps = backbone.taps().map(|(name, channels)| TapDescription { name: name.to_owned(), channels }).collect();
     Description { format: FORMAT, dim: backbone.dim(), taps, rings: backbone.rings(), rows: rows.to_vec() }

@@ -9,7 +9,7 @@ use safetensors::{Dtype, SafeTensors, View};
 use serde::{Deserialize, Serialize};
 
 use super::dense::read;
-use super::{Coding, Error, Head, Standardisation};
+use super::{Coding, Error, Head, Projection, Standardisation};
 use crate::config::spec::NetworkSpec;
 use crate::store;
 
@@ -17,6 +17,7 @@ const FORMAT: u32 = 1;
 const DESCRIPTION: &str = "panotune";
 const MEAN: &str = "features.mean";
 const SD: &str = "features.sd";
+const DIRECTIONS: &str = "components.directions";
 
 /// What the tensors of a file are.
 #[derive(Debug, Serialize, Deserialize)]
@@ -62,6 +63,23 @@ impl View for Plain {
     }
     fn data_len(&self) -> usize {
         self.bytes.len()
+    }
+}
+
+impl Projection {
+    /// Writes mean, standard deviation and directions to `path` as safetensors.
+    ///
+    /// # Errors
+    /// Those of the disk.
+    pub fn save(&self, path: &Path) -> Result<(), Error> {
+        let dim = self.standardisation().dim();
+        let tensors = [
+            (MEAN, Plain::new(vec![dim], self.standardisation().mean())),
+            (SD, Plain::new(vec![dim], self.standardisation().sd())),
+            (DIRECTIONS, Plain::new(vec![dim, self.components()], self.directions())),
+        ];
+        let file = |e: safetensors::SafeTensorError| Error::File { path: path.to_owned(), reason: e.to_string() };
+        Ok(store::write(path, &safetensors::serialize(tensors, None).map_err(file)?)?)
     }
 }
 

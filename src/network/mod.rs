@@ -10,12 +10,15 @@ mod dense;
 mod file;
 mod head;
 mod loss;
+mod principal;
+mod projection;
 mod standardise;
 
 pub use coding::Coding;
 pub use head::Head;
 pub use loss::{loss_and_gradient, mean_loss};
-pub use standardise::Standardisation;
+pub use projection::Projection;
+pub use standardise::{Scale, Standardisation};
 
 pub(crate) use dense::Gradient;
 pub(crate) use loss::LossOp;

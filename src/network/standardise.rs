@@ -5,8 +5,14 @@ use super::Error;
 /// A feature whose standard deviation is below this share of its mean carries only rounding errors.
 const RELATIVE_FLOOR: f64 = 1e-6;
 
-/// Number of features up to which each has standard deviation 1; more share the same total.
-const NORM: f64 = 256.0;
+/// What features are divided by.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Scale {
+    /// Each by its own standard deviation.
+    Each,
+    /// All by one: for principal components, whose proportions mean something.
+    Common,
+}
 
 /// Mean and standard deviation of each feature over the rows it was fitted on.
 #[derive(Debug, Clone, PartialEq)]
@@ -31,9 +37,19 @@ impl Standardisation {
             let deviations = row.iter().zip(&mean).map(|(x, m)| f64::from(*x) - m);
             square.iter_mut().zip(deviations).for_each(|(s, d)| *s += d * d);
         }
-        let scale = (dim as f64 / NORM).sqrt().max(1.0);
-        let sd = square.iter().zip(&mean).map(|(s, m)| (scale * usable_sd((s / n).sqrt(), *m)) as f32).collect();
+        let sd = square.iter().zip(&mean).map(|(s, m)| usable_sd((s / n).sqrt(), *m) as f32).collect();
         Self { mean: mean.into_iter().map(|m| m as f32).collect(), sd }
+    }
+
+    /// As [`fit`](Self::fit); with [`Scale::Common`] all features share one standard deviation, the root
+    /// of their mean variance, so that they keep their proportions.
+    pub fn fit_scaled<'a>(dim: usize, rows: impl Iterator<Item = &'a [f32]> + Clone, scale: Scale) -> Self {
+        let mut fitted = Self::fit(dim, rows);
+        if scale == Scale::Common {
+            let variance = fitted.sd.iter().map(|s| f64::from(*s).powi(2)).sum::<f64>() / dim.max(1) as f64;
+            fitted.sd.fill(variance.sqrt() as f32);
+        }
+        fitted
     }
 
     /// From stored values; the two have the same length.

@@ -20,7 +20,10 @@ pub(super) struct Subject<'a> {
     pub spec: &'a Experiment,
     pub catalogue: &'a Catalogue,
     pub dataset: &'a Dataset,
+    /// What heads are trained on.
     pub features: &'a FeatureSet,
+    /// How many features the backbone gives.
+    pub all_features: usize,
     pub trials: &'a [TrialArtefact],
     /// The tuned arm's network.
     pub network: &'a NetworkSpec,
@@ -92,14 +95,18 @@ fn flow(subject: &Subject<'_>) -> Vec<FlowStep> {
     let mut test_panoramas: Vec<&str> = tests.map(|v| v.panorama.as_str()).collect();
     test_panoramas.sort_unstable();
     test_panoramas.dedup();
-    vec![
+    let mut steps = vec![
         step(
             "panoramas",
             source.to_owned(),
             format!("{} panoramas, {width} px wide", thousands(panoramas.len() as u64)),
         ),
         step("dataset", labels, split),
-        step("features", weights, format!("{} rows × {} features", thousands(rows), thousands(dim))),
+        step(
+            "features",
+            weights,
+            format!("{} rows × {} features", thousands(rows), thousands(subject.all_features as u64)),
+        ),
         step("study", study_words(spec), trial_counts(subject.trials)),
         step("refit", refits, format!("{} networks", 2 * spec.evaluation.refit_seeds)),
         step(
@@ -107,7 +114,12 @@ fn flow(subject: &Subject<'_>) -> Vec<FlowStep> {
             "MAE, MSE, mean error, SDE with intervals; controls".to_owned(),
             format!("{} test views of {} panoramas", count(Subset::Test), test_panoramas.len()),
         ),
-    ]
+    ];
+    if spec.backbone.components > 0 {
+        let what = "directions of largest variance, from plain training rows".to_owned();
+        steps.insert(3, step("components", what, format!("{} components", thousands(dim))));
+    }
+    steps
 }
 
 fn study_words(spec: &Experiment) -> String {
@@ -140,8 +152,16 @@ fn layers(subject: &Subject<'_>, backbone_parameters: u64) -> Vec<LayerRow> {
     let mut rows = vec![
         row("input".to_owned(), format!("{side} × {side} × 3"), "RGB view".to_owned(), 0),
         row(backbone, format!("taps {taps}"), format!("weights {}", spec.backbone.weights), backbone_parameters),
-        row("features".to_owned(), thousands(dim), format!("mean of the map and of {} rings", spec.backbone.rings), 0),
+        row(
+            "features".to_owned(),
+            thousands(subject.all_features as u64),
+            format!("mean of the map and of {} rings", spec.backbone.rings),
+            0,
+        ),
     ];
+    if spec.backbone.components > 0 {
+        rows.push(row("components".to_owned(), thousands(dim), "of largest variance (fixed)".to_owned(), 0));
+    }
     let mut inputs = dim;
     for layer in &subject.network.layers {
         let units = u64::from(layer.units);

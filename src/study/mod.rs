@@ -105,6 +105,8 @@ fn execute(
     let catalogue = stages.panoramas()?;
     let dataset = stages.dataset(&catalogue)?;
     let (features, backbone) = stages.features(&dataset)?;
+    let all_features = features.value.dim();
+    let features = stages.components(features, &dataset)?;
     let spectra = stages.spectra(&dataset)?;
 
     let training = stages::training(spec, &features.value, dataset.value.views())?;
@@ -123,6 +125,7 @@ fn execute(
             catalogue: &catalogue.value,
             dataset: &dataset.value,
             features: &features.value,
+            all_features,
             trials: &searched.trials,
             network: &searched.best.0,
         };

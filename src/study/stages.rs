@@ -1,5 +1,6 @@
 //! The stages whose results runs share: panoramas, dataset, features, spectra.
 
+use std::collections::BTreeSet;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Instant;
@@ -13,19 +14,20 @@ use crate::backbone::{self, Backbone, Variant, WeightsSource};
 use crate::config::spec::{Experiment, PanoramaSource};
 use crate::dataset::{self, Dataset, Subset, View};
 use crate::features::{self, FeatureRow, FeatureSet};
-use crate::network::Coding;
+use crate::network::{Coding, Projection, Scale};
 use crate::panorama::{self, Catalogue};
 use crate::pipeline::events::Events;
 use crate::pipeline::progress::Progress;
 use crate::pipeline::rates::Rates;
 use crate::rng;
 use crate::store::{self, Artefact, ArtefactWriter, Cache, Hash, hash_json, write_json};
-use crate::train::TrainingData;
+use crate::train::{self, TrainingData};
 
 /// Versions of the stages: raised whenever the same input gives another result.
 pub(super) const PANORAMAS: u32 = 1;
 pub(super) const DATASET: u32 = 1;
 pub(super) const FEATURES: u32 = 1;
+pub(super) const COMPONENTS: u32 = 1;
 pub(super) const SPECTRA: u32 = 1;
 
 /// Training views on which the batch norm of random backbones is calibrated.
@@ -194,6 +196,29 @@ impl<'a> Stages<'a> {
         train.into_iter().map(|view| self.network_input(dataset, FeatureRow { view, copy: 0 })).collect()
     }
 
+    /// Principal components of the features, fitted on plain training rows; all features with `components: 0`.
+    pub(super) fn components(
+        &self,
+        features: Made<FeatureSet>,
+        dataset: &Made<Dataset>,
+    ) -> Result<Made<FeatureSet>, Error> {
+        let components = self.spec.backbone.components;
+        if components == 0 {
+            return Ok(features);
+        }
+        let key = features.artefact.derive_key(COMPONENTS, &(components, self.spec.seed))?;
+        let set = &features.value;
+        let artefact = self.artefact(("components", COMPONENTS), &key, set.rows().len() as f64, |writer| {
+            let train = training_rows(set, dataset.value.views());
+            let projection = Projection::fit(&train, set.dim(), components as usize, self.spec.seed);
+            projection.save(&writer.path("projection.safetensors")).map_err(train::Error::from)?;
+            let values = projection.apply(set.all());
+            Ok(features::write_matrix(writer, "components", projection.components(), set.rows(), &values)?)
+        })?;
+        let value = FeatureSet::open(&artefact)?;
+        Ok(Made { artefact, value })
+    }
+
     /// Radial log power of every view, for the spectrum control.
     pub(super) fn spectra(&self, dataset: &Made<Dataset>) -> Result<Made<Vec<Vec<f64>>>, Error> {
         let bins = self.spec.evaluation.spectrum_bins;
@@ -254,8 +279,9 @@ pub(super) fn dataset_key_parts(spec: &Experiment) -> impl Serialize {
 
 /// What the features depend on beside the views' pixels.
 pub(super) fn features_key_parts(spec: &Experiment, backbone: &Backbone, variant: &Option<Variant>) -> impl Serialize {
-    json!({ "backbone": spec.backbone, "weights": backbone.weights_hash(), "variant": variant,
-        "augment": spec.augment, "seed": spec.seed })
+    let b = &spec.backbone;
+    json!({ "architecture": b.architecture, "px": b.input_px, "taps": b.taps, "rings": b.rings,
+        "weights": backbone.weights_hash(), "variant": variant, "augment": spec.augment, "seed": spec.seed })
 }
 
 fn key(parts: &serde_json::Value) -> Result<Hash, Error> {
@@ -273,6 +299,13 @@ fn weights_source(spec: &Experiment, folders: &[std::path::PathBuf]) -> Result<W
     }
 }
 
+/// Features of the plain rows of training views, one after the other.
+fn training_rows(features: &FeatureSet, views: &[View]) -> Vec<f32> {
+    let train: BTreeSet<u32> = views.iter().filter(|v| v.subset == Subset::Train).map(|v| v.index).collect();
+    let rows = features.rows().iter().enumerate().filter(|(_, r)| r.copy == 0 && train.contains(&r.view));
+    rows.flat_map(|(i, _)| features.row(i)).copied().collect()
+}
+
 /// Plain rows of all views, then the changed copies of training views.
 pub(super) fn feature_rows(views: &[View], copies: u32) -> Vec<FeatureRow> {
     let plain = views.iter().map(|v| FeatureRow { view: v.index, copy: 0 });
@@ -284,7 +317,8 @@ pub(super) fn feature_rows(views: &[View], copies: u32) -> Vec<FeatureRow> {
 /// Standardised features with labels, shared by all trials and refits.
 pub(super) fn training(spec: &Experiment, features: &FeatureSet, views: &[View]) -> Result<Training, Error> {
     let coding = Coding::new(spec.network.labels, &spec.dataset.focal_px, &spec.dataset.distortion);
-    let data = TrainingData::build(features.all(), features.dim(), features.rows(), views)?;
+    let scale = if spec.backbone.components == 0 { Scale::Each } else { Scale::Common };
+    let data = TrainingData::build(features.all(), features.dim(), features.rows(), views, scale)?;
     Ok(Training { data, coding })
 }
 

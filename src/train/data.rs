@@ -8,7 +8,7 @@ use candle_core::{Device, Tensor};
 use super::Error;
 use crate::dataset::{Subset, View};
 use crate::features::FeatureRow;
-use crate::network::Standardisation;
+use crate::network::{Scale, Standardisation};
 use crate::store::{Hash, Hasher};
 
 /// Standardised training and validation rows with their labels.
@@ -44,12 +44,18 @@ impl TrainingData {
     /// Takes the training and validation rows out of a feature matrix.
     ///
     /// `features` holds one row of `dim` values for each of `rows`, in order; `views` carry subset and
-    /// label. Order of rows matters for the bits of every training on them.
+    /// label; `scale` says what features are divided by. Order of rows matters for the bits of every training on them.
     ///
     /// # Errors
     /// A matrix that does not fit `rows`, a row of an unknown view, an empty training or validation
     /// subset, a feature that is no finite number.
-    pub fn build(features: &[f32], dim: usize, rows: &[FeatureRow], views: &[View]) -> Result<Self, Error> {
+    pub fn build(
+        features: &[f32],
+        dim: usize,
+        rows: &[FeatureRow],
+        views: &[View],
+        scale: Scale,
+    ) -> Result<Self, Error> {
         if dim == 0 || features.len() != rows.len() * dim {
             return Err(Error::Shape { values: features.len(), rows: rows.len(), dim });
         }
@@ -65,12 +71,12 @@ impl TrainingData {
             }
         }
         check(&train, &validation)?;
-        Self::from_used(dim, &train, &validation)
+        Self::from_used(dim, &train, &validation, scale)
     }
 
-    fn from_used(dim: usize, train: &[Used], validation: &[Used]) -> Result<Self, Error> {
+    fn from_used(dim: usize, train: &[Used], validation: &[Used], scale: Scale) -> Result<Self, Error> {
         let plain_rows = train.iter().filter(|u| u.row.copy == 0).map(|u| u.features);
-        let standardisation = Standardisation::fit(dim, plain_rows);
+        let standardisation = Standardisation::fit_scaled(dim, plain_rows, scale);
         let fingerprint = fingerprint(&standardisation, train, validation);
         let standardised = |rows: &[Used]| {
             let mut out = Vec::with_capacity(rows.len() * dim);
@@ -192,7 +198,7 @@ pub(super) mod tests {
     /// functions of the label with noise.
     pub fn toy(n: u32, copies: u32, dim: usize) -> TrainingData {
         let (features, rows, views) = toy_parts(n, copies, dim);
-        TrainingData::build(&features, dim, &rows, &views).unwrap()
+        TrainingData::build(&features, dim, &rows, &views, Scale::Each).unwrap()
     }
 
     pub fn toy_parts(n: u32, copies: u32, dim: usize) -> (Vec<f32>, Vec<FeatureRow>, Vec<View>) {
@@ -221,7 +227,7 @@ pub(super) mod tests {
     #[test]
     fn rows_go_to_their_subset_and_standardisation_sees_plain_training_rows_only() {
         let (features, rows, views) = toy_parts(40, 2, 3);
-        let data = TrainingData::build(&features, 3, &rows, &views).unwrap();
+        let data = TrainingData::build(&features, 3, &rows, &views, Scale::Each).unwrap();
         assert_eq!(
             (data.train_rows(), data.plain().len(), data.changed().len(), data.validation_rows()),
             (80, 40, 40, 10)
@@ -232,7 +238,7 @@ pub(super) mod tests {
                 values.fill(1e6);
             }
         }
-        let changed = TrainingData::build(&other, 3, &rows, &views).unwrap();
+        let changed = TrainingData::build(&other, 3, &rows, &views, Scale::Each).unwrap();
         assert_eq!(changed.standardisation(), data.standardisation());
         assert_ne!(changed.fingerprint(), data.fingerprint());
     }
@@ -240,7 +246,7 @@ pub(super) mod tests {
     #[test]
     fn test_views_are_not_looked_at() {
         let (mut features, rows, mut views) = toy_parts(40, 2, 3);
-        let data = TrainingData::build(&features, 3, &rows, &views).unwrap();
+        let data = TrainingData::build(&features, 3, &rows, &views, Scale::Each).unwrap();
         for (row, values) in rows.iter().zip(features.chunks_exact_mut(3)) {
             if views[row.view as usize].subset == Subset::Test {
                 values.fill(f32::NAN);
@@ -249,7 +255,7 @@ pub(super) mod tests {
         for view in views.iter_mut().filter(|v| v.subset == Subset::Test) {
             (view.f_px, view.xi) = (f64::NAN, f64::NAN);
         }
-        let scrambled = TrainingData::build(&features, 3, &rows, &views).unwrap();
+        let scrambled = TrainingData::build(&features, 3, &rows, &views, Scale::Each).unwrap();
         assert_eq!(scrambled.fingerprint(), data.fingerprint());
         assert_eq!((scrambled.train, scrambled.train_labels), (data.train, data.train_labels));
     }
@@ -258,7 +264,7 @@ pub(super) mod tests {
     fn what_cannot_be_trained_on_is_named() {
         let (features, rows, views) = toy_parts(8, 1, 3);
         let build = |features: &[f32], rows: &[FeatureRow], views: &[View]| {
-            TrainingData::build(features, 3, rows, views).unwrap_err().to_string()
+            TrainingData::build(features, 3, rows, views, Scale::Each).unwrap_err().to_string()
         };
         assert!(build(&features[1..], &rows, &views).contains("are not 12 rows of 3"));
         assert!(build(&features, &rows, &views[1..]).contains("view 0,"));

@@ -220,7 +220,7 @@ fn a_training_that_leaves_the_numbers_fails_with_its_place() {
 fn scrambled_test_labels_change_nothing() {
     let (features, rows, mut views) = toy_parts(40, 2, 6);
     let fitted = |views: &[crate::dataset::View]| {
-        let data = TrainingData::build(&features, 6, &rows, views).unwrap();
+        let data = TrainingData::build(&features, 6, &rows, views, Scale::Each).unwrap();
         bits(&run(&network(0.2), &train(3), &data, 1).unwrap())
     };
     let before = fitted(&views);
@@ -240,7 +240,7 @@ fn strength_decides_whether_changed_copies_matter() {
         }
     }
     let fitted = |features: &[f32], augmentation_strength| {
-        let data = TrainingData::build(features, 6, &rows, &views).unwrap();
+        let data = TrainingData::build(features, 6, &rows, &views, Scale::Each).unwrap();
         bits(&run(&network(0.0), &TrainSpec { augmentation_strength, ..train(2) }, &data, 1).unwrap())
     };
     assert_eq!(fitted(&features, 0.0), fitted(&other, 0.0));

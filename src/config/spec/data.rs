@@ -155,7 +155,7 @@ pub struct AugmentSpec {
     /// Copies of each training view, the plain one included.
     #[schemars(range(min = 1, max = 16))]
     pub copies: u32,
-    /// Whether changed copies are mirrored left to right.
+    /// Whether copies 1, 3, 5, … are mirrored left to right; the others keep their sides.
     pub mirror: bool,
     /// Largest standard deviation of Gaussian noise, as a share of full scale.
     #[schemars(range(min = 0.0, max = 0.5))]

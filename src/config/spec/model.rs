@@ -91,6 +91,10 @@ pub struct BackboneSpec {
     /// Rings around the image centre over which each tap is pooled, beside the whole map.
     #[schemars(range(min = 0, max = 8))]
     pub rings: u32,
+    /// Principal components of the features that heads are trained on, fitted on training views (fewer where there are
+    /// fewer than four such views a component); 0 takes all features, each standardised.
+    #[schemars(range(min = 0, max = 4096))]
+    pub components: u32,
 }
 
 /// Networks of the paper and of DeepCalib (Bogdan et al. 2018), which it follows.
