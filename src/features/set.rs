@@ -89,6 +89,7 @@ mod tests {
             tune: Tune::Frozen,
             taps: vec!["block2".to_owned(), "block1".to_owned()],
             rings: 1,
+            components: 0,
         };
         Backbone::load(&spec, WeightsSource::Seeded { seed: 1 }).unwrap()
     }

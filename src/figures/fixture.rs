@@ -115,7 +115,7 @@ fn experiment() -> Experiment {
         "split": {"train": 0.8, "validation": 0.1, "test": 0.1, "by": "panorama"},
         "augment": {"copies": 2, "mirror": true, "noise_sd": 0.02, "brightness": 0.1, "contrast": 0.1},
         "backbone": {"architecture": "inception_v3", "input_px": 299, "weights": "seeded", "tune": "frozen",
-            "taps": ["mixed_5b", "mixed_5d", "mixed_6b"], "rings": 3},
+            "taps": ["mixed_5b", "mixed_5d", "mixed_6b"], "rings": 3, "components": 256},
         "network": {"kind": "single_net", "labels": "decoupled", "output": "linear", "layers": [layer]},
         "search": {
             "space": {"parameters": [{"name": "learning_rate", "set": "train.learning_rate", "type": "float", "low": 1e-5,

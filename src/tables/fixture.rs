@@ -73,7 +73,7 @@ fn experiment() -> Experiment {
         "split": {"train": 0.8, "validation": 0.1, "test": 0.1, "by": "panorama"},
         "augment": {"copies": 2, "mirror": true, "noise_sd": 0.0, "brightness": 0.0, "contrast": 0.0},
         "backbone": {"architecture": "inception_v3", "input_px": 299, "weights": "seeded", "tune": "frozen",
-            "taps": ["mixed_6b"], "rings": 3},
+            "taps": ["mixed_6b"], "rings": 3, "components": 256},
         "network": {"kind": "single_net", "labels": "raw", "output": "sigmoid", "layers": layer},
         "search": {"space": {"parameters": space()}, "trials": 4, "concurrency": 1,
             "sampler": {"kind": "tpe", "startup_trials": 4, "candidates": 24, "prior_weight": 1.0, "magic_clip": true,

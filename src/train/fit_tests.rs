@@ -2,6 +2,7 @@
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
+use crate::network::Scale;
 use super::*;
 use crate::config::spec::{
     Activation, EarlyStoppingSpec, LabelCoding, LayerSpec, Loss, NetworkKind, Optimizer, SamplingSpec,
