@@ -9,6 +9,9 @@ use tempfile::NamedTempFile;
 
 use super::Error;
 
+/// How the names of unfinished files begin.
+pub(super) const PARTIAL: &str = ".partial-";
+
 /// A file that is being written; it appears under its name only on [`commit`](AtomicFile::commit).
 #[derive(Debug)]
 pub struct AtomicFile {
@@ -21,10 +24,8 @@ impl AtomicFile {
     pub fn create(target: &Path) -> Result<Self, Error> {
         let folder = folder_of(target);
         create_dir(folder)?;
-        let temporary = tempfile::Builder::new()
-            .prefix(".partial-")
-            .tempfile_in(folder)
-            .map_err(|e| Error::io("write", target, e))?;
+        let temporary =
+            tempfile::Builder::new().prefix(PARTIAL).tempfile_in(folder).map_err(|e| Error::io("write", target, e))?;
         Ok(Self { target: target.to_owned(), writer: BufWriter::with_capacity(1 << 20, temporary) })
     }
 

@@ -3,7 +3,7 @@
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
-use super::file::{create_dir, write};
+use super::file::{PARTIAL, create_dir, remove_file, write};
 use super::{Error, Hash, hash_file};
 
 /// Written last: a run with it is finished.
@@ -47,7 +47,10 @@ impl RunFolder {
         let options = File::options().create(true).append(true).open(&lock_path);
         let lock = options.map_err(|e| Error::io("create", &lock_path, e))?;
         match lock.try_lock() {
-            Ok(()) => Ok(Opened::Unfinished(Self { path, _lock: lock })),
+            Ok(()) => {
+                remove_partial_files(&path)?;
+                Ok(Opened::Unfinished(Self { path, _lock: lock }))
+            }
             Err(std::fs::TryLockError::WouldBlock) => Ok(Opened::Busy(path)),
             Err(std::fs::TryLockError::Error(e)) => Err(Error::io("lock", &lock_path, e)),
         }
@@ -86,6 +89,20 @@ impl RunFolder {
         write(&self.path.join(SUMS), sums.as_bytes())?;
         Ok(self.path)
     }
+}
+
+/// What a killed process left half-written; only the holder of the lock may look.
+fn remove_partial_files(folder: &Path) -> Result<(), Error> {
+    for entry in std::fs::read_dir(folder).map_err(|e| Error::io("read", folder, e))? {
+        let path = entry.map_err(|e| Error::io("read", folder, e))?.path();
+        let partial = path.file_name().is_some_and(|n| n.to_string_lossy().starts_with(PARTIAL));
+        if path.is_dir() {
+            remove_partial_files(&path)?;
+        } else if partial {
+            remove_file(&path)?;
+        }
+    }
+    Ok(())
 }
 
 fn prefix(seed: u64, hash: &Hash) -> String {
@@ -127,6 +144,16 @@ mod tests {
 
     fn open(results: &Path, fresh: bool) -> Opened {
         RunFolder::open(results, "study", 7, &hash_bytes(b"spec"), fresh).unwrap()
+    }
+
+    #[test]
+    fn what_a_killed_process_left_half_written_is_removed() {
+        let results = tempfile::tempdir().unwrap();
+        let Opened::Unfinished(run) = open(results.path(), false) else { panic!() };
+        write(&run.join("tables/.partial-Xy1"), b"half").unwrap();
+        drop(run);
+        let Opened::Unfinished(run) = open(results.path(), false) else { panic!() };
+        assert!(!run.join("tables/.partial-Xy1").exists());
     }
 
     #[test]

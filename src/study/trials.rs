@@ -59,6 +59,9 @@ pub(super) fn search(
     stages.progress.end();
     stages.progress.end();
     result?;
+    for number in 0..spec.search.trials {
+        store::remove_dir(&folder(run.path(), number).join("checkpoint"))?;
+    }
     office.finish()
 }
 

@@ -2,13 +2,13 @@
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use crate::network::Scale;
 use super::*;
 use crate::config::spec::{
     Activation, EarlyStoppingSpec, LabelCoding, LayerSpec, Loss, NetworkKind, Optimizer, SamplingSpec,
 };
 use crate::dataset::Subset;
 use crate::error::{Class, Classify};
+use crate::network::Scale;
 use crate::pipeline::progress::Silent;
 use crate::train::data::tests::{toy, toy_parts};
 

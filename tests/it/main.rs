@@ -1,5 +1,8 @@
 //! Tests of the whole: rules of the architecture, the command line, runs of the real binary.
 
+// The fence is for the program: tests write the broken files that it has to bear.
+#![allow(clippy::disallowed_methods)]
+
 mod architecture;
 mod bad_input;
 mod command_line;
