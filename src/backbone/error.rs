@@ -82,7 +82,7 @@ pub enum Error {
     /// Not the file that the description means.
     #[error(
         "`{}` has SHA-256 {found}, its description says {expected}: it was changed, is truncated, or is another file; get it again, or \
-         install it under a name of its own with `panotune weights add FILE --as NAME`",
+         install it under a name of its own with `panotune weights add FILE --as NAME --like KNOWN`",
         path.display()
     )]
     OtherFile {
@@ -150,7 +150,7 @@ fn suggestion(nearest: &Option<String>) -> String {
 }
 
 fn fetch(url: &Option<String>, name: &str) -> String {
-    url.as_ref().map(|_| format!(", or `panotune weights fetch {name}`")).unwrap_or_default()
+    url.as_ref().map(|url| format!(" (`{name}` is at {url})")).unwrap_or_default()
 }
 
 fn places(looked: &[PathBuf]) -> String {

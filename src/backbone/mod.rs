@@ -29,7 +29,7 @@ use rayon::prelude::*;
 
 pub use description::{ChannelOrder, Padding, Preprocessing, Rectifier, StrideIn, Variant, WeightsDescription};
 pub use error::Error;
-pub use load::{check_weights, find_weights};
+pub use load::{describe, find_weights};
 pub use tensors::Problem;
 
 use crate::config::spec::{Architecture, BackboneSpec};

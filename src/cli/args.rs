@@ -169,9 +169,12 @@ pub enum WeightsCommand {
     Add {
         /// The file.
         file: PathBuf,
-        /// Name of the description in `configs/weights/`.
+        /// Name of the weights, and of their description.
         #[arg(long = "as", value_name = "NAME")]
         name: String,
+        /// Describe the file as these known weights are: same architecture, padding, stride, preprocessing.
+        #[arg(long, value_name = "KNOWN")]
+        like: Option<String>,
     },
     /// List the descriptions, and which of them are installed.
     List,

@@ -34,6 +34,12 @@ pub enum Error {
     /// A worker thread ended without a result; a bug.
     #[error("a worker thread ended without a result")]
     Worker,
+    /// A name that cannot be the name of a file.
+    #[error("`{name}` cannot name weights: use letters, digits, `.`, `_` and `-`, beginning with a letter or digit")]
+    WeightsName {
+        /// The name.
+        name: String,
+    },
     /// The user stopped the run.
     #[error("interrupted; the same command goes on")]
     Interrupted,
@@ -102,6 +108,7 @@ impl Classify for Error {
             | Error::Worker
             | Error::Json(_)
             | Error::Yaml(_) => Class::Run,
+            Error::WeightsName { .. } => Class::Input,
             Error::Interrupted => Class::Interrupted,
             Error::Store(e) => e.class(),
             Error::Panorama(e) => e.class(),

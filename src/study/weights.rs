@@ -3,18 +3,55 @@
 use std::path::{Path, PathBuf};
 
 use super::{Error, Options};
-use crate::backbone::{self, WeightsDescription};
+use crate::backbone::{self, Backbone, WeightsDescription, WeightsSource};
+use crate::config::spec::{BackboneSpec, Tune};
 use crate::store;
 
-/// Checks `file` against the description `name` and copies it to the cache folder's `weights/`.
+/// An input that every architecture takes.
+const SMALLEST_INPUT: u32 = 75;
+
+/// Checks `file` and copies it to the cache folder's `weights/`.
+///
+/// Without `like` it must be the file that the description `name` means. With it, `file` becomes the
+/// weights `name`, described as `like` is, and the description is written beside it.
 ///
 /// # Errors
 /// An unknown name, another checksum, tensors that are missing, extra or of another shape.
-pub fn install_weights(file: &Path, name: &str, options: &Options) -> Result<PathBuf, Error> {
-    let description = backbone::check_weights(file, name, &options.weights)?;
-    let target = options.cache.join("weights").join(&description.file);
+pub fn install_weights(file: &Path, name: &str, like: Option<&str>, options: &Options) -> Result<PathBuf, Error> {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "._-".contains(c);
+    if !name.starts_with(|c: char| c.is_ascii_alphanumeric()) || !name.chars().all(plain) {
+        return Err(Error::WeightsName { name: name.to_owned() });
+    }
+    let mut description = backbone::describe(like.unwrap_or(name), &options.weights)?;
+    if like.is_some() {
+        let ending = file.extension().unwrap_or_default().to_string_lossy();
+        description.file = format!("{name}.{ending}");
+        description.sha256 = store::hash_file(file)?.to_string();
+    }
+    check_tensors(file, &description)?;
+    let folder = options.cache.join("weights");
+    let target = folder.join(&description.file);
     store::copy(file, &target)?;
+    if like.is_some() {
+        store::write(&folder.join(format!("{name}.yaml")), serde_yaml::to_string(&description)?.as_bytes())?;
+    }
     Ok(target)
+}
+
+/// Reads every tensor of the network, as a run would.
+fn check_tensors(file: &Path, description: &WeightsDescription) -> Result<(), Error> {
+    let spec = BackboneSpec {
+        architecture: description.architecture,
+        input_px: SMALLEST_INPUT,
+        weights: "file".to_owned(),
+        tune: Tune::Frozen,
+        taps: Backbone::tap_names(description.architecture).into_iter().next_back().into_iter().collect(),
+        rings: 0,
+        components: 0,
+    };
+    let source = WeightsSource::File { path: file.to_owned(), description: description.clone() };
+    Backbone::load(&spec, source)?;
+    Ok(())
 }
 
 /// Every description that the program knows, with the place of its file or how to get it.
