@@ -110,9 +110,10 @@ fn execute(
     let spectra = stages.spectra(&dataset)?;
 
     let training = stages::training(spec, &features.value, dataset.value.views())?;
-    let trials = f64::from(spec.search.trials);
+    let rows = training.data.train_rows() as f64;
+    let trials = stages::training_units(spec, spec.search.trials, rows);
     let searched = stages.timed("study", trials, || trials::search(spec, options, &folder, &training, &stages))?;
-    let refits = f64::from(2 * spec.evaluation.refit_seeds);
+    let refits = stages::training_units(spec, 2 * spec.evaluation.refit_seeds, rows);
     let heads =
         stages.timed("refit", refits, || arms::refit(spec, options, &folder, &training, &searched.best, &stages))?;
 

@@ -3,13 +3,13 @@
 use std::path::Path;
 
 use super::describe::thousands;
-use super::stages::{self, DATASET, FEATURES, SPECTRA, Stages};
+use super::stages::{self, COMPONENTS, DATASET, FEATURES, SPECTRA, Stages};
 use super::{Error, Options, trials};
 use crate::config::LoadedExperiment;
 use crate::config::spec::{Experiment, PanoramaSource};
 use crate::pipeline::plan::{Need, Step};
 use crate::pipeline::rates::Rates;
-use crate::store::{Artefact, Cache, RunFolder};
+use crate::store::{Artefact, Cache, Hash, RunFolder};
 
 /// Seconds per unit until a stage has been measured on a machine, from two cores with AVX-512.
 mod default_rate {
@@ -21,10 +21,12 @@ mod default_rate {
     pub const FEATURES: f64 = 0.03;
     /// A view's spectrum.
     pub const SPECTRA: f64 = 0.002;
-    /// A trial of 150 epochs.
-    pub const STUDY: f64 = 12.0;
-    /// A refit.
-    pub const REFIT: f64 = 12.0;
+    /// A row of features.
+    pub const COMPONENTS: f64 = 0.0008;
+    /// A million rows that trials see.
+    pub const STUDY: f64 = 4.5;
+    /// A million rows that refits see.
+    pub const REFIT: f64 = 3.0;
     /// Metrics of a run.
     pub const EVALUATION: f64 = 5.0;
     /// Tables, figures and page of a run.
@@ -39,8 +41,10 @@ pub fn plan(experiment: &LoadedExperiment, options: &Options) -> Result<Vec<Step
     let spec = &experiment.spec;
     let folder = RunFolder::find(&options.results, &spec.name, spec.seed, &experiment.hash()?)?;
     let planner = Planner { spec, cache: Cache::new(&options.cache), rates: Rates::read(&options.cache) };
-    let mut steps = planner.artefacts(options)?;
-    steps.extend(planner.run_steps(folder.as_deref()));
+    let (key, panoramas) = stages::panoramas_key(spec)?;
+    let mut steps = planner.artefacts(&key, panoramas, options)?;
+    let views = panoramas * f64::from(spec.dataset.views_per_panorama);
+    steps.extend(planner.run_steps(folder.as_deref(), views));
     Ok(steps)
 }
 
@@ -51,11 +55,10 @@ struct Planner<'a> {
 }
 
 impl Planner<'_> {
-    fn artefacts(&self, options: &Options) -> Result<Vec<Step>, Error> {
-        let (key, panoramas) = stages::panoramas_key(self.spec)?;
+    fn artefacts(&self, key: &Hash, panoramas: f64, options: &Options) -> Result<Vec<Step>, Error> {
         let views = panoramas * f64::from(self.spec.dataset.views_per_panorama);
         let rows = views * (1.0 + self.spec.split.train * f64::from(self.spec.augment.copies - 1));
-        let catalogue = self.cache.open("panoramas", &key)?;
+        let catalogue = self.cache.open("panoramas", key)?;
         let dataset = match &catalogue {
             Some(c) => self.cache.open("dataset", &c.derive_key(DATASET, &stages::dataset_key_parts(self.spec))?)?,
             None => None,
@@ -82,19 +85,32 @@ impl Planner<'_> {
             ),
         ];
         let (features, spectra) = match &dataset {
-            Some(d) => (self.has_features(d, options)?, self.has_spectra(d)?),
-            None => (false, false),
+            Some(d) => (self.features(d, options)?, self.has_spectra(d)?),
+            None => (None, false),
         };
         let above = dataset.as_ref().map(|_| "dataset");
-        steps.push(self.step("features", count(rows, "rows"), features, above, (rows, default_rate::FEATURES)));
+        steps.push(self.step(
+            "features",
+            count(rows, "rows"),
+            features.is_some(),
+            above,
+            (rows, default_rate::FEATURES),
+        ));
+        if self.spec.backbone.components > 0 {
+            let done = features.as_ref().map(|f| f.derive_key(COMPONENTS, &stages::components_key_parts(self.spec)));
+            let done = done.transpose()?.is_some_and(|key| self.cache.contains("components", &key));
+            let what = count(f64::from(self.spec.backbone.components), "components");
+            let above = features.as_ref().map(|_| "features");
+            steps.push(self.step("components", what, done, above, (rows, default_rate::COMPONENTS)));
+        }
         steps.push(self.step("spectra", count(views, "views"), spectra, above, (views, default_rate::SPECTRA)));
         Ok(steps)
     }
 
-    fn has_features(&self, dataset: &Artefact, options: &Options) -> Result<bool, Error> {
+    fn features(&self, dataset: &Artefact, options: &Options) -> Result<Option<Artefact>, Error> {
         let (backbone, variant) = Stages::load_backbone(self.spec, options)?;
         let parts = stages::features_key_parts(self.spec, &backbone, &variant);
-        Ok(self.cache.contains("features", &dataset.derive_key(FEATURES, &parts)?))
+        Ok(self.cache.open("features", &dataset.derive_key(FEATURES, &parts)?)?)
     }
 
     fn has_spectra(&self, dataset: &Artefact) -> Result<bool, Error> {
@@ -122,7 +138,9 @@ impl Planner<'_> {
         Step { stage: stage.to_owned(), what, need: Need::Run { why }, seconds, measured }
     }
 
-    fn run_steps(&self, folder: Option<&Path>) -> Vec<Step> {
+    fn run_steps(&self, folder: Option<&Path>, views: f64) -> Vec<Step> {
+        let rows = views * self.spec.split.train * f64::from(self.spec.augment.copies);
+        let units = |trainings: u32| stages::training_units(self.spec, trainings, rows);
         let finished = folder.is_some_and(|f| f.join(crate::store::SUMS).is_file());
         let (trials, refits) = (self.spec.search.trials, 2 * self.spec.evaluation.refit_seeds);
         let done = folder.map_or(0, |f| trials::finished(f, trials));
@@ -138,13 +156,13 @@ impl Planner<'_> {
         let left = trials - done;
         let why = if done > 0 { format!("{done} of {trials} are done") } else { "no trial is done".to_owned() };
         vec![
-            step("study", format!("{trials} trials"), left == 0, &why, left.into(), default_rate::STUDY),
+            step("study", format!("{trials} trials"), left == 0, &why, units(left), default_rate::STUDY),
             step(
                 "refit",
                 format!("{refits} networks"),
                 finished,
                 "the run is not finished",
-                refits.into(),
+                units(refits),
                 default_rate::REFIT,
             ),
             step(

@@ -206,7 +206,7 @@ impl<'a> Stages<'a> {
         if components == 0 {
             return Ok(features);
         }
-        let key = features.artefact.derive_key(COMPONENTS, &(components, self.spec.seed))?;
+        let key = features.artefact.derive_key(COMPONENTS, &components_key_parts(self.spec))?;
         let set = &features.value;
         let artefact = self.artefact(("components", COMPONENTS), &key, set.rows().len() as f64, |writer| {
             let train = training_rows(set, dataset.value.views());
@@ -270,11 +270,21 @@ pub(super) fn panoramas_key(spec: &Experiment) -> Result<(Hash, f64), Error> {
     }
 }
 
+/// Work of `trainings` trainings on `rows` rows, for estimates: millions of rows seen, if none ends early.
+pub(super) fn training_units(spec: &Experiment, trainings: u32, rows: f64) -> f64 {
+    f64::from(trainings) * f64::from(spec.train.epochs) * rows * 1e-6
+}
+
 /// What the dataset depends on beside the panoramas' pixels.
 pub(super) fn dataset_key_parts(spec: &Experiment) -> impl Serialize {
     let d = &spec.dataset;
     json!({ "views": d.views_per_panorama, "px": d.image_px, "resolution": d.resolution, "focal": d.focal_px,
         "distortion": d.distortion, "pose": d.pose, "split": spec.split, "seed": spec.seed })
+}
+
+/// What the components depend on beside the features.
+pub(super) fn components_key_parts(spec: &Experiment) -> impl Serialize {
+    (spec.backbone.components, spec.seed)
 }
 
 /// What the features depend on beside the views' pixels.
