@@ -332,4 +332,27 @@ mod tests {
         let made = Head::new(&spec, &coding, Arc::new(Standardisation::identity(1)), 0);
         assert!(matches!(made, Err(Error::Kind { kind: NetworkKind::DualNet })));
     }
+
+    /// candle-nn's own layers with the same weights, as a second opinion on the forward pass.
+    #[test]
+    fn outputs_are_those_of_candle_nn_layers() {
+        use candle_nn::{Linear, Module, ops::sigmoid};
+        let activations = [Activation::Relu, Activation::Sigmoid, Activation::Tanh];
+        let head = head(&spec(&activations, 0.0), 5);
+        let rows = draws(9 * INPUTS, "rows");
+        let mut x = Tensor::from_vec(rows.clone(), (9, INPUTS), &Device::Cpu).unwrap();
+        for (layer, activation) in head.layers().iter().zip(activations.into_iter().chain([Activation::Sigmoid])) {
+            let weight = layer.weight.as_tensor().t().unwrap();
+            x = Linear::new(weight, Some(layer.bias.as_tensor().clone())).forward(&x).unwrap();
+            x = match activation {
+                Activation::Relu => x.relu().unwrap(),
+                Activation::Tanh => x.tanh().unwrap(),
+                _ => sigmoid(&x).unwrap(),
+            };
+        }
+        let expected: Vec<Vec<f32>> = x.to_vec2().unwrap();
+        for (ours, theirs) in head.predict(&rows).unwrap().iter().zip(&expected) {
+            assert!(ours.iter().zip(theirs).all(|(a, b)| (a - b).abs() < 1e-6), "{ours:?} {theirs:?}");
+        }
+    }
 }
