@@ -147,6 +147,21 @@ mod tests {
     }
 
     #[test]
+    fn high_dynamic_range_files_decode_to_the_same_picture() {
+        let image = image::Rgb32FImage::from_fn(128, 64, |x, y| image::Rgb([x as f32 / 16.0, y as f32 / 8.0, 0.25]));
+        let picture = |format: ImageFormat| {
+            let mut bytes = Cursor::new(Vec::new());
+            DynamicImage::ImageRgb32F(image.clone()).write_to(&mut bytes, format).unwrap();
+            decode(&bytes.into_inner()).unwrap().rgb
+        };
+        let (hdr, exr) = (picture(ImageFormat::Hdr), picture(ImageFormat::OpenExr));
+        let worst = hdr.iter().zip(&exr).map(|(a, b)| a.abs_diff(*b)).max();
+        assert!(worst <= Some(6), "Radiance keeps eight bits of each channel's mantissa: {worst:?}");
+        let bright = |x: usize, y: usize| exr[3 * (y * 128 + x)];
+        assert!(bright(120, 32) > bright(60, 32) && bright(60, 32) > bright(4, 32), "red rises to the right");
+    }
+
+    #[test]
     fn tone_mapping_keeps_order_and_puts_the_average_at_mid_grey() {
         let image = image::Rgb32FImage::from_fn(64, 32, |x, _| image::Rgb([libm::powf(2.0, x as f32 / 8.0 - 4.0); 3]));
         let rgb = tone_map(&image);
