@@ -14,25 +14,13 @@ pub const PENALTIES: [f64; 13] = [1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 3e-2, 1e-1, 3e-1
 pub fn predict_the_mean(views: &[View]) -> Result<Vec<Prediction>, Error> {
     let arm = Arm::PredictMean;
     let (f, xi) = (mean_label(views, arm, |v| v.f_px)?, mean_label(views, arm, |v| v.xi)?);
-    Ok(views.iter().map(|view| prediction(view, f, xi)).collect())
+    Ok(views.iter().map(|view| Prediction::of(view, f, xi)).collect())
 }
 
 fn mean_label(views: &[View], arm: Arm, label: impl Fn(&View) -> f64) -> Result<f64, Error> {
     let subset = Subset::Train;
     let labels: Vec<f64> = views.iter().filter(|v| v.subset == subset).map(label).collect();
     mean(&labels).ok_or(Error::Empty { arm, subset })
-}
-
-fn prediction(view: &View, f_pred: f64, xi_pred: f64) -> Prediction {
-    Prediction {
-        view: view.index,
-        panorama: view.panorama.clone(),
-        subset: view.subset,
-        f_true: view.f_px,
-        xi_true: view.xi,
-        f_pred,
-        xi_pred,
-    }
 }
 
 /// Predicts f and ξ from the radial log power spectrum by ridge regression: what blur alone reveals.
@@ -47,7 +35,7 @@ fn prediction(view: &View, f_pred: f64, xi_pred: f64) -> Prediction {
 pub fn spectrum_control(features: &[Vec<f64>], views: &[View]) -> Result<Vec<Prediction>, Error> {
     let f = ridge_estimates(features, views, |v| v.f_px)?;
     let xi = ridge_estimates(features, views, |v| v.xi)?;
-    Ok(views.iter().zip(f).zip(xi).map(|((view, f), xi)| prediction(view, f, xi)).collect())
+    Ok(views.iter().zip(f).zip(xi).map(|((view, f), xi)| Prediction::of(view, f, xi)).collect())
 }
 
 /// One label's estimates for all views.

@@ -63,11 +63,6 @@ fn of_errors(errors: &[f64]) -> Option<ErrorStatistics> {
     })
 }
 
-/// What a search minimises: ½(MAE_f/450 + MAE_ξ/1.2), with `mae_f` in pixels.
-pub fn objective(mae_f: f64, mae_xi: f64) -> f64 {
-    0.5 * (mae_f / 450.0 + mae_xi / 1.2)
-}
-
 /// How errors become intervals, and what image the angles belong to.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Method {

@@ -14,13 +14,13 @@ pub use files::{
     FileError, read_comparisons, read_curve, read_metrics, read_predictions, write_comparisons, write_curve,
     write_metrics, write_predictions,
 };
-pub use metrics::{ErrorStatistics, error_statistics, objective, rows};
+pub use metrics::{ErrorStatistics, error_statistics, rows};
 
 pub(crate) use columns::{number_column, text_column, to_parquet};
 
 use serde::{Deserialize, Serialize};
 
-use crate::dataset::Subset;
+use crate::dataset::{Subset, View};
 use crate::error::{Class, Classify};
 use crate::statistics;
 
@@ -100,6 +100,21 @@ pub struct Prediction {
     pub f_pred: f64,
     /// Estimated distortion.
     pub xi_pred: f64,
+}
+
+impl Prediction {
+    /// The estimate (`f_pred` in pixels, `xi_pred`) of `view`, beside its label.
+    pub fn of(view: &View, f_pred: f64, xi_pred: f64) -> Self {
+        Self {
+            view: view.index,
+            panorama: view.panorama.clone(),
+            subset: view.subset,
+            f_true: view.f_px,
+            xi_true: view.xi,
+            f_pred,
+            xi_pred,
+        }
+    }
 }
 
 /// Who predicts.
@@ -221,7 +236,6 @@ pub struct MetricRow {
 mod tests {
     use super::*;
     use crate::config::spec::EvaluationSpec;
-    use crate::dataset::View;
 
     pub(super) fn spec() -> EvaluationSpec {
         EvaluationSpec { refit_seeds: 3, bootstrap: 200, confidence: 0.95, shown_views: 10, spectrum_bins: 16 }

@@ -144,15 +144,7 @@ fn predict(head: &Head, features: &FeatureSet, views: &[View]) -> Result<Vec<Pre
         views.iter().filter(|v| v.subset != Subset::Train && row_of.contains_key(&v.index)).collect();
     let rows: Vec<f32> = unseen.iter().flat_map(|v| features.row(row_of[&v.index])).copied().collect();
     let estimates = head.estimate(&rows).map_err(train::Error::from)?;
-    let predictions = unseen.iter().zip(estimates).map(|(view, (f_pred, xi_pred))| Prediction {
-        view: view.index,
-        panorama: view.panorama.clone(),
-        subset: view.subset,
-        f_true: view.f_px,
-        xi_true: view.xi,
-        f_pred,
-        xi_pred,
-    });
+    let predictions = unseen.iter().zip(estimates).map(|(view, (f, xi))| Prediction::of(view, f, xi));
     Ok(predictions.collect())
 }
 

@@ -6,8 +6,9 @@ use super::values::{
     arm_name, decimals, estimate, metric_name, percent, population, quantity_name, row, subset_name, unit_note,
 };
 use crate::dataset::Subset;
-use crate::evaluate::{Arm, Comparison, Metric, Quantity, objective};
+use crate::evaluate::{Arm, Comparison, Metric, Quantity};
 use crate::search::TrialState;
+use crate::train::objective;
 
 /// Paired differences of MAE between networks and controls on the test subset, for the given quantities.
 pub(super) fn controls(run: &RunArtefacts, quantities: &[Quantity]) -> Table {
