@@ -18,6 +18,7 @@ pub mod random;
 pub mod sampler;
 pub mod space;
 pub mod split;
+pub mod storage;
 pub mod study;
 pub mod tpe;
 mod trial;

@@ -1,0 +1,5 @@
+//! Studies in files that Optuna and its tools read and write.
+
+mod record;
+
+pub use record::{Attributes, JsonText, StoredStudy, StoredTrial};
