@@ -119,6 +119,11 @@ impl Distribution {
         }
     }
 
+    /// Whether its values can be counted one by one.
+    pub fn discrete(&self) -> bool {
+        !matches!(self, Distribution::Float { step: None, .. }) || self.single()
+    }
+
     /// The internal value of the smallest number or first choice.
     pub fn first(&self) -> f64 {
         match self {
@@ -206,6 +211,19 @@ impl Distribution {
     }
 }
 
+impl std::fmt::Display for Distribution {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let log = |log: &bool| if *log { ", log" } else { "" };
+        match self {
+            Distribution::Float { low, high, log: l, step: None } => write!(f, "float {low} to {high}{}", log(l)),
+            Distribution::Float { low, high, step: Some(s), .. } => write!(f, "float {low} to {high}, step {s}"),
+            Distribution::Int { low, high, log: l, step: 1 } => write!(f, "int {low} to {high}{}", log(l)),
+            Distribution::Int { low, high, step, .. } => write!(f, "int {low} to {high}, step {step}"),
+            Distribution::Categorical { choices } => write!(f, "one of {}", Value::from(choices.clone())),
+        }
+    }
+}
+
 /// The range of a number, as doubles.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Range {
@@ -224,6 +242,12 @@ impl Range {
     pub fn scale(&self) -> (f64, f64) {
         let half = self.step.map_or(0.0, |s| s / 2.0);
         (self.to_scale(self.low - half), self.to_scale(self.high + half))
+    }
+
+    /// Number of values if there is a step, else the length of the scale: what an even density is 1 over.
+    pub fn cells(&self) -> f64 {
+        let (low, high) = self.scale();
+        self.step.map_or(high - low, |step| ((self.high - self.low) / step).round() + 1.0)
     }
 
     /// `x` on that scale.

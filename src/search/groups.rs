@@ -1,39 +1,63 @@
 //! Which parameters are modelled together.
 
-use super::{Distribution, History};
+use super::{Distribution, Trial};
 
 /// Parameters of one joint model, ordered by name.
 pub type SubSpace = Vec<(String, Distribution)>;
 
-/// The parameters that every complete and pruned trial has, with one and the same distribution.
-pub fn intersection(history: &History) -> SubSpace {
-    let mut finished = history.trials.iter().filter(|t| t.counts());
-    let Some(first) = finished.next() else { return Vec::new() };
-    let mut common: SubSpace = first.params.iter().map(|p| (p.name.clone(), p.distribution.clone())).collect();
-    for trial in finished {
-        common.retain(|(name, distribution)| trial.param(name).is_some_and(|p| p.distribution == *distribution));
-    }
-    modelled(common)
+/// How the parameters of complete and pruned trials come together, kept up to date trial by trial.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Groups {
+    /// What all trials share; `None` before the first.
+    common: Option<SubSpace>,
+    /// Blocks of which each trial has all or nothing; a parameter keeps the distribution that it had first.
+    blocks: Vec<SubSpace>,
 }
 
-/// Disjoint groups of parameters such that every complete and pruned trial has all of a group or none
-/// of it; a parameter keeps the distribution that it had first.
-pub fn groups(history: &History) -> Vec<SubSpace> {
-    let mut groups: Vec<SubSpace> = Vec::new();
-    for trial in history.trials.iter().filter(|t| t.counts()) {
-        let mut rest: SubSpace = trial.params.iter().map(|p| (p.name.clone(), p.distribution.clone())).collect();
-        let mut divided = Vec::with_capacity(groups.len() + 1);
-        for group in groups {
-            let (with, without): (SubSpace, SubSpace) =
-                group.into_iter().partition(|(name, _)| rest.iter().any(|(n, _)| n == name));
-            rest.retain(|(name, _)| with.iter().all(|(n, _)| n != name));
-            divided.extend([with, without]);
+impl Groups {
+    /// Takes in a complete or pruned trial.
+    pub(super) fn push(&mut self, trial: &Trial) {
+        match &mut self.common {
+            None => self.common = Some(space(trial)),
+            Some(common) => common.retain(|(name, distribution)| {
+                trial.param(name).is_some_and(|p| p.distribution == *distribution)
+            }),
         }
-        divided.push(rest);
-        divided.retain(|g| !g.is_empty());
-        groups = divided;
+        self.divide(trial);
     }
-    groups.into_iter().map(modelled).filter(|g| !g.is_empty()).collect()
+
+    /// Divides every block into what the trial has and what it lacks; its other parameters are a new one.
+    fn divide(&mut self, trial: &Trial) {
+        let mut known = 0;
+        let mut divided = Vec::with_capacity(self.blocks.len() + 1);
+        for block in std::mem::take(&mut self.blocks) {
+            let (with, without): (SubSpace, SubSpace) =
+                block.into_iter().partition(|(name, _)| trial.param(name).is_some());
+            known += with.len();
+            divided.extend([with, without].into_iter().filter(|b| !b.is_empty()));
+        }
+        if known < trial.params.len() {
+            let mut rest = space(trial);
+            rest.retain(|(name, _)| divided.iter().flatten().all(|(n, _)| n != name));
+            divided.push(rest);
+        }
+        self.blocks = divided;
+    }
+
+    /// The parameters that every trial has, with one and the same distribution; once out, a parameter
+    /// stays out.
+    pub(super) fn common(&self) -> SubSpace {
+        modelled(self.common.clone().unwrap_or_default())
+    }
+
+    /// The blocks, in the order in which they came to be.
+    pub(super) fn groups(&self) -> Vec<SubSpace> {
+        self.blocks.iter().cloned().map(modelled).filter(|g| !g.is_empty()).collect()
+    }
+}
+
+fn space(trial: &Trial) -> SubSpace {
+    trial.params.iter().map(|p| (p.name.clone(), p.distribution.clone())).collect()
 }
 
 /// Those of `space` that have more than one value, by name.
@@ -45,7 +69,7 @@ fn modelled(mut space: SubSpace) -> SubSpace {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Direction, Param, Trial, TrialState};
+    use super::super::{Param, TrialState};
     use super::*;
 
     fn trial(number: u32, names: &[(&str, f64)]) -> Trial {
@@ -60,6 +84,12 @@ mod tests {
         Trial { state: TrialState::Complete, ..Trial::running(number, params) }
     }
 
+    fn taken_in(trials: &[Trial]) -> Groups {
+        let mut groups = Groups::default();
+        trials.iter().for_each(|t| groups.push(t));
+        groups
+    }
+
     fn names(space: &SubSpace) -> String {
         space.iter().map(|(n, _)| n.as_str()).collect()
     }
@@ -71,8 +101,7 @@ mod tests {
             trial(1, &[("a", 1.0), ("b", 1.0), ("c", 2.0), ("d", 0.0)]),
             trial(2, &[("a", 1.0), ("b", 1.0), ("c", 1.0), ("d", 0.0)]),
         ];
-        let history = History { direction: Direction::Minimize, trials: trials.iter().collect() };
-        assert_eq!(names(&intersection(&history)), "ab");
+        assert_eq!(names(&taken_in(&trials).common()), "ab");
     }
 
     #[test]
@@ -82,7 +111,6 @@ mod tests {
             trial(1, &[("k", 1.0), ("c", 1.0), ("x", 1.0), ("y", 1.0)]),
             trial(2, &[("k", 1.0), ("c", 1.0)]),
         ];
-        let history = History { direction: Direction::Minimize, trials: trials.iter().collect() };
-        assert_eq!(groups(&history).iter().map(names).collect::<Vec<_>>(), ["ck", "g", "xy"]);
+        assert_eq!(taken_in(&trials).groups().iter().map(names).collect::<Vec<_>>(), ["ck", "g", "xy"]);
     }
 }

@@ -4,8 +4,14 @@
 //! normal cut off at the ends of the range, on a logarithmic scale where the parameter has one; with a
 //! step it is the mass of the normal over half a step to either side. A choice's kernel is a table.
 
+use super::normal::{self, SQRT_2PI};
 use super::truncnorm::{log_density, log_gauss_mass, ppf};
 use super::{Distribution, Range, Uniform};
+
+/// Parameters up to which densities are multiplied, not their logarithms added.
+const MOST_FACTORS: usize = 64;
+/// Width of a step in deviations up to which its mass is computed from the density in its middle.
+pub(super) const THIN: f64 = 0.05;
 
 /// How wide kernels of numbers are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -34,8 +40,8 @@ pub struct ParzenOptions {
 pub enum Kernels {
     /// Normals cut off at the ends of the range.
     Number(NumberKernels),
-    /// For each kernel the probability of each choice.
-    Choice(Vec<Vec<f64>>),
+    /// Tables of the choices.
+    Choice(ChoiceKernels),
 }
 
 /// Kernels of a number.
@@ -47,8 +53,26 @@ pub struct NumberKernels {
     pub deviations: Vec<f64>,
     /// The parameter's range.
     pub range: Range,
-    /// ln of each normal's mass within the range.
-    log_mass: Vec<f64>,
+    /// Each normal's mass within the range: its logarithm, unless the kernels are plain.
+    masses: Masses,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+enum Masses {
+    /// No mean is out of range and no kernel is much narrower than it, so that masses can be subtracted.
+    Plain { inverses: Vec<f64>, masses: Vec<f64> },
+    /// Masses may be too small for a double.
+    Logarithms(Vec<f64>),
+}
+
+/// Kernels of a choice: one for each observation, which prefers it, and an even one for the prior.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ChoiceKernels {
+    choices: usize,
+    seen: Vec<usize>,
+    hit: f64,
+    miss: f64,
+    even: f64,
 }
 
 /// A density over one or several parameters.
@@ -63,11 +87,19 @@ pub struct Parzen {
 /// Weights of `n` observations from the oldest to the newest: the last 25 weigh 1, older ones fall
 /// evenly to 1/n.
 pub fn age_weights(n: usize) -> Vec<f64> {
+    (0..n).map(|i| age_weight(i, n)).collect()
+}
+
+/// Weight of the i-th oldest of `n` observations.
+pub(super) fn age_weight(i: usize, n: usize) -> f64 {
     let ramp = n.saturating_sub(25);
     let first = 1.0 / n as f64;
-    let step = if ramp > 1 { (1.0 - first) / (ramp - 1) as f64 } else { 0.0 };
-    let older = (0..ramp).map(|i| if i > 0 && i + 1 == ramp { 1.0 } else { first + i as f64 * step });
-    older.chain(std::iter::repeat_n(1.0, n - ramp)).collect()
+    match i {
+        _ if i >= ramp => 1.0,
+        0 => first,
+        _ if i + 1 == ramp => 1.0,
+        _ => first + i as f64 * ((1.0 - first) / (ramp - 1) as f64),
+    }
 }
 
 impl Parzen {
@@ -89,7 +121,7 @@ impl Parzen {
             .zip(observations)
             .map(|(distribution, seen)| match (distribution.range(), distribution.choices()) {
                 (Some(range), _) => Kernels::Number(NumberKernels::new(range, seen, space.len(), options)),
-                (None, choices) => Kernels::Choice(choice_kernels(choices.unwrap_or(1), seen, options)),
+                (None, choices) => Kernels::Choice(ChoiceKernels::new(choices.unwrap_or(1), seen, options)),
             })
             .collect();
         Parzen { weights, kernels }
@@ -107,8 +139,8 @@ impl Parzen {
             .collect();
         let mut points = vec![Vec::new(); self.kernels.len()];
         for (kernels, out) in self.kernels.iter().zip(&mut points) {
-            if let Kernels::Choice(rows) = kernels {
-                *out = chosen.iter().map(|k| draw_choice(&rows[*k], random)).collect();
+            if let Kernels::Choice(tables) = kernels {
+                *out = chosen.iter().map(|k| tables.draw(*k, random.uniform())).collect();
             }
         }
         for (kernels, out) in self.kernels.iter().zip(&mut points) {
@@ -122,6 +154,32 @@ impl Parzen {
     /// Log density of each point; `points` by parameter, then by point. On a logarithmic scale it is
     /// the density of the logarithm.
     pub fn log_density(&self, points: &[Vec<f64>]) -> Vec<f64> {
+        let plain = self.kernels.len() <= MOST_FACTORS && self.kernels.iter().all(Kernels::plain);
+        if plain { self.log_of_products(points) } else { self.sums_of_logs(points) }
+    }
+
+    /// By multiplying the parameters' densities relative to an even one. The prior's kernel is never far
+    /// below 1, so that nothing that matters is lost.
+    fn log_of_products(&self, points: &[Vec<f64>]) -> Vec<f64> {
+        let m = points.first().map_or(0, Vec::len);
+        let mut base = self.weights.clone();
+        self.kernels.iter().for_each(|k| k.multiply_constants(&mut base));
+        let even: f64 = self.kernels.iter().map(Kernels::log_even).sum();
+        let (mut factors, mut exponents) = (base.clone(), vec![0.0; base.len()]);
+        (0..m)
+            .map(|i| {
+                factors.copy_from_slice(&base);
+                exponents.fill(0.0);
+                for (kernels, values) in self.kernels.iter().zip(points) {
+                    kernels.multiply_density(values[i], &mut factors, &mut exponents);
+                }
+                libm::log(normal::sum_exp(&factors, &exponents)) + even
+            })
+            .collect()
+    }
+
+    /// By adding logarithms: slower, and accurate however small a density is.
+    fn sums_of_logs(&self, points: &[Vec<f64>]) -> Vec<f64> {
         let m = points.first().map_or(0, Vec::len);
         let start: Vec<f64> = self.weights.iter().map(|w| libm::log(*w)).collect();
         let mut terms = start.clone();
@@ -138,12 +196,50 @@ impl Parzen {
 }
 
 impl Kernels {
+    fn plain(&self) -> bool {
+        match self {
+            Kernels::Number(numbers) => matches!(numbers.masses, Masses::Plain { .. }),
+            Kernels::Choice(_) => true,
+        }
+    }
+
+    /// Log density of an even distribution.
+    fn log_even(&self) -> f64 {
+        match self {
+            Kernels::Number(numbers) => -libm::log(numbers.range.cells()),
+            Kernels::Choice(tables) => -libm::log(tables.choices as f64),
+        }
+    }
+
+    /// Multiplies each factor by what of a kernel's density does not depend on the point.
+    fn multiply_constants(&self, factors: &mut [f64]) {
+        let Kernels::Number(NumberKernels { masses: Masses::Plain { masses, inverses }, range, .. }) = self else {
+            return;
+        };
+        let cells = range.cells();
+        match range.step {
+            Some(_) => factors.iter_mut().zip(masses).for_each(|(f, m)| *f *= cells / m),
+            None => {
+                let constants = masses.iter().zip(inverses).map(|(m, v)| cells * v / (SQRT_2PI * m));
+                factors.iter_mut().zip(constants).for_each(|(f, c)| *f *= c);
+            }
+        }
+    }
+
+    /// Multiplies each kernel's term factor·exp(exponent) by the rest of its density at `x`.
+    fn multiply_density(&self, x: f64, factors: &mut [f64], exponents: &mut [f64]) {
+        match self {
+            Kernels::Choice(tables) => tables.multiply_density(x as usize, factors),
+            Kernels::Number(numbers) => numbers.multiply_density(x, factors, exponents),
+        }
+    }
+
     /// Adds each kernel's log density at `x` to its term.
     fn add_log_density(&self, x: f64, terms: &mut [f64]) {
         match self {
-            Kernels::Choice(rows) => {
-                for (term, row) in terms.iter_mut().zip(rows) {
-                    *term += row.get(x as usize).map_or(f64::NEG_INFINITY, |p| libm::log(*p));
+            Kernels::Choice(tables) => {
+                for (k, term) in terms.iter_mut().enumerate() {
+                    *term += libm::log(tables.probability(k, x as usize));
                 }
             }
             Kernels::Number(numbers) => numbers.add_log_density(x, terms),
@@ -155,85 +251,182 @@ impl NumberKernels {
     fn new(range: Range, seen: &[f64], parameters: usize, options: &ParzenOptions) -> Self {
         let (low, high) = range.scale();
         let width = high - low;
-        let n = seen.len();
         let mut means: Vec<f64> = seen.iter().map(|x| range.to_scale(*x)).collect();
         let mut deviations = match options.bandwidth {
             Bandwidth::Neighbour => neighbour_distances(&means, low, high, options.endpoints),
-            Bandwidth::Fixed => {
-                let shrink = libm::pow(n.max(1) as f64, -1.0 / (parameters as f64 + 4.0));
-                vec![0.2 * shrink * width; n]
-            }
+            Bandwidth::Fixed => vec![fixed_deviation(seen.len(), parameters, width); seen.len()],
         };
-        let smallest = if options.magic_clip { width / (n as f64 + 2.0).min(100.0) } else { 1e-12 };
+        let smallest = smallest_deviation(seen.len(), width, options);
         deviations.iter_mut().for_each(|s| *s = s.max(smallest).min(width));
         means.push(0.5 * (low + high));
         deviations.push(width);
-        let log_mass =
-            means.iter().zip(&deviations).map(|(m, s)| log_gauss_mass((low - m) / s, (high - m) / s)).collect();
-        NumberKernels { means, deviations, range, log_mass }
+        let masses = Masses::new(&means, &deviations, low, high);
+        NumberKernels { means, deviations, range, masses }
     }
 
     fn draw(&self, kernel: usize, u: f64) -> f64 {
         let (low, high) = self.range.scale();
         let (mean, deviation) = (self.means[kernel], self.deviations[kernel]);
-        self.range.at_scale(mean + deviation * ppf(u, (low - mean) / deviation, (high - mean) / deviation))
+        let (a, b) = ((low - mean) / deviation, (high - mean) / deviation);
+        let z = match self.masses {
+            Masses::Plain { .. } => normal::cut_quantile(u, normal::cdf_at(a), normal::cdf_at(-b)).clamp(a, b),
+            Masses::Logarithms(_) => ppf(u, a, b),
+        };
+        self.range.at_scale(mean + deviation * z)
+    }
+
+    fn multiply_density(&self, x: f64, factors: &mut [f64], exponents: &mut [f64]) {
+        let Masses::Plain { inverses, .. } = &self.masses else { return };
+        let Some(step) = self.range.step else {
+            return normal::add_squares(self.range.to_scale(x), &self.means, inverses, exponents);
+        };
+        let (a, b) = (self.range.to_scale(x - step / 2.0), self.range.to_scale(x + step / 2.0));
+        if inverses.iter().all(|v| (b - a) * v <= THIN) {
+            return normal::multiply_thin_masses(0.5 * (a + b), b - a, &self.means, inverses, factors, exponents);
+        }
+        normal::multiply_masses(a, b, &self.means, inverses, factors);
     }
 
     fn add_log_density(&self, x: f64, terms: &mut [f64]) {
-        let kernels = self.means.iter().zip(&self.deviations).zip(&self.log_mass);
+        let (low, high) = self.range.scale();
+        let log_mass = |k: usize| match &self.masses {
+            Masses::Plain { masses, .. } => libm::log(masses[k]),
+            Masses::Logarithms(logs) => logs[k],
+        };
+        let kernels = terms.iter_mut().zip(self.means.iter().zip(&self.deviations)).enumerate();
         match self.range.step {
             None => {
-                let ((low, high), z) = (self.range.scale(), self.range.to_scale(x));
-                for (term, ((mean, deviation), mass)) in terms.iter_mut().zip(kernels) {
-                    *term += log_density(z, low, high, *mean, *deviation, *mass);
+                let z = self.range.to_scale(x);
+                for (k, (term, (mean, deviation))) in kernels {
+                    *term += log_density(z, low, high, *mean, *deviation, log_mass(k));
                 }
             }
             Some(step) => {
                 let (a, b) = (self.range.to_scale(x - step / 2.0), self.range.to_scale(x + step / 2.0));
-                for (term, ((mean, deviation), mass)) in terms.iter_mut().zip(kernels) {
-                    *term += log_gauss_mass((a - mean) / deviation, (b - mean) / deviation) - mass;
+                for (k, (term, (mean, deviation))) in kernels {
+                    *term += log_gauss_mass((a - mean) / deviation, (b - mean) / deviation) - log_mass(k);
                 }
             }
         }
     }
+}
+
+impl Masses {
+    fn new(means: &[f64], deviations: &[f64], low: f64, high: f64) -> Self {
+        let narrowest = (high - low) / NARROWEST;
+        let plain = means.iter().zip(deviations).all(|(m, s)| (low..=high).contains(m) && *s >= narrowest);
+        if !plain {
+            let ends = means.iter().zip(deviations).map(|(m, s)| log_gauss_mass((low - m) / s, (high - m) / s));
+            return Masses::Logarithms(ends.collect());
+        }
+        let inverses: Vec<f64> = deviations.iter().map(|s| 1.0 / s).collect();
+        let mut masses = vec![1.0; means.len()];
+        normal::multiply_masses(low, high, means, &inverses, &mut masses);
+        Masses::Plain { inverses, masses }
+    }
+}
+
+impl ChoiceKernels {
+    fn new(choices: usize, seen: &[f64], options: &ParzenOptions) -> Self {
+        let base = choice_base(seen.len(), options);
+        let sum = base * choices as f64 + 1.0;
+        let seen = seen.iter().map(|x| (*x as usize).min(choices - 1)).collect();
+        let even = if base > 0.0 { 1.0 / choices as f64 } else { 0.0 };
+        ChoiceKernels { choices, seen, hit: (base + 1.0) / sum, miss: base / sum, even }
+    }
+
+    /// Number of choices.
+    pub fn choices(&self) -> usize {
+        self.choices
+    }
+
+    /// Number of kernels, the prior's included.
+    pub fn len(&self) -> usize {
+        self.seen.len() + 1
+    }
+
+    /// Whether there are none, which never is.
+    pub fn is_empty(&self) -> bool {
+        false
+    }
+
+    /// Probability of `choice` in kernel `k`.
+    pub fn probability(&self, k: usize, choice: usize) -> f64 {
+        match self.seen.get(k) {
+            _ if choice >= self.choices => 0.0,
+            Some(seen) if *seen == choice => self.hit,
+            Some(_) => self.miss,
+            None => self.even,
+        }
+    }
+
+    fn multiply_density(&self, choice: usize, factors: &mut [f64]) {
+        let scale = self.choices as f64;
+        let (hit, miss) = (self.hit * scale, self.miss * scale);
+        for (factor, seen) in factors.iter_mut().zip(&self.seen) {
+            *factor *= if *seen == choice { hit } else { miss };
+        }
+        if let Some(prior) = factors.last_mut() {
+            *prior *= self.even * scale;
+        }
+    }
+
+    /// The number of running sums of kernel `k`'s probabilities below `u`.
+    fn draw(&self, k: usize, u: f64) -> f64 {
+        let mut sum = 0.0;
+        let below = (0..self.choices - 1).take_while(|choice| {
+            sum += self.probability(k, *choice);
+            sum < u
+        });
+        below.count() as f64
+    }
+}
+
+/// Ratio of the range to a kernel's width up to which masses are subtracted.
+const NARROWEST: f64 = 200.0;
+
+/// Probability of any choice before the observed one gets 1 more.
+pub(super) fn choice_base(observations: usize, options: &ParzenOptions) -> f64 {
+    if observations == 0 { 1.0 } else { options.prior_weight / (observations as f64 + 1.0) }
+}
+
+/// Deviation of all kernels under [`Bandwidth::Fixed`].
+pub(super) fn fixed_deviation(observations: usize, parameters: usize, width: f64) -> f64 {
+    0.2 * libm::pow(observations.max(1) as f64, -1.0 / (parameters as f64 + 4.0)) * width
+}
+
+/// Deviation below which no kernel goes.
+pub(super) fn smallest_deviation(observations: usize, width: f64, options: &ParzenOptions) -> f64 {
+    if options.magic_clip { width / (observations as f64 + 2.0).min(100.0) } else { 1e-12 }
 }
 
 /// For each of `means` the distance to the farther neighbour, in their order. Equal means keep their
 /// order when sorted, so the result does not depend on the machine.
 fn neighbour_distances(means: &[f64], low: f64, high: f64, endpoints: bool) -> Vec<f64> {
-    let n = means.len();
-    let mut order: Vec<usize> = (0..n).collect();
+    let mut order: Vec<usize> = (0..means.len()).collect();
     order.sort_by(|i, j| means[*i].total_cmp(&means[*j]));
-    let at = |rank: usize| means[order[rank]];
-    let mut distances = vec![0.0; n];
-    for rank in 0..n {
-        let left = at(rank) - if rank == 0 { low } else { at(rank - 1) };
-        let right = if rank + 1 == n { high } else { at(rank + 1) } - at(rank);
-        distances[order[rank]] = match (endpoints || n < 2, rank) {
-            (false, 0) => right,
-            (false, r) if r + 1 == n => left,
-            _ => left.max(right),
-        };
+    let sorted: Vec<f64> = order.iter().map(|i| means[*i]).collect();
+    let mut distances = vec![0.0; means.len()];
+    for (i, distance) in order.iter().zip(sorted_distances(&sorted, low, high, endpoints)) {
+        distances[*i] = distance;
     }
     distances
 }
 
-/// For each observed choice a table that prefers it, and an even one for the prior.
-fn choice_kernels(choices: usize, seen: &[f64], options: &ParzenOptions) -> Vec<Vec<f64>> {
-    let base = if seen.is_empty() { 1.0 } else { options.prior_weight / (seen.len() as f64 + 1.0) };
-    let normalised = |mut row: Vec<f64>| {
-        let sum: f64 = row.iter().sum();
-        if sum > 0.0 {
-            row.iter_mut().for_each(|p| *p /= sum);
+/// For each of the sorted means the distance to the farther neighbour.
+pub(super) fn sorted_distances(means: &[f64], low: f64, high: f64, endpoints: bool) -> Vec<f64> {
+    let n = means.len();
+    let inner = means.windows(3).map(|w| (w[1] - w[0]).max(w[2] - w[1]));
+    match means {
+        [] => Vec::new(),
+        [only] => vec![(only - low).max(high - only)],
+        [first, second, ..] => {
+            let (last, before) = (means[n - 1], means[n - 2]);
+            let ends = [second - first, last - before];
+            let ends = if endpoints { [ends[0].max(first - low), ends[1].max(high - last)] } else { ends };
+            std::iter::once(ends[0]).chain(inner).chain(std::iter::once(ends[1])).collect()
         }
-        row
-    };
-    let preferring = seen.iter().map(|x| {
-        let mut row = vec![base; choices];
-        row[(*x as usize).min(choices - 1)] += 1.0;
-        normalised(row)
-    });
-    preferring.chain(std::iter::once(normalised(vec![base; choices]))).collect()
+    }
 }
 
 /// Running sums, scaled so that the last is 1.
@@ -248,17 +441,6 @@ fn cumulative(weights: &[f64]) -> Vec<f64> {
     let last = sums.last().copied().unwrap_or(1.0);
     sums.iter_mut().for_each(|s| *s /= last);
     sums
-}
-
-/// The number of running sums of `row` below a uniform number.
-fn draw_choice(row: &[f64], random: &mut dyn Uniform) -> f64 {
-    let u = random.uniform();
-    let mut sum = 0.0;
-    let below = row[..row.len() - 1].iter().take_while(|p| {
-        sum += **p;
-        sum < u
-    });
-    below.count() as f64
 }
 
 /// ln Σ exp(term).
@@ -326,9 +508,9 @@ mod tests {
     #[test]
     fn choices_have_two_priors() {
         let three = Distribution::categorical(vec!["a".into(), "b".into(), "c".into()]).unwrap();
-        let Kernels::Choice(rows) = &one(&three, &[1.0]).kernels[0] else { panic!("not choices") };
-        assert_eq!(rows[0], [0.5 / 2.5, 1.5 / 2.5, 0.5 / 2.5]);
-        assert!(rows[1].iter().all(|p| (p - 1.0 / 3.0).abs() < 1e-15));
+        let Kernels::Choice(tables) = &one(&three, &[1.0]).kernels[0] else { panic!("not choices") };
+        let row = |k| (0..3).map(|c| tables.probability(k, c)).collect::<Vec<_>>();
+        assert_eq!((row(0), row(1)), (vec![0.5 / 2.5, 1.5 / 2.5, 0.5 / 2.5], vec![1.0 / 3.0; 3]));
     }
 
     #[test]

@@ -51,7 +51,7 @@ mod tests {
     proptest! {
         #[test]
         fn draws_lie_in_the_range(seed: u64, low in -50i64..50, width in 1i64..100, step in 1i64..20) {
-            let mut draws = KeyedDraws::new(seed, 0);
+            let mut draws = KeyedDraws::new(seed, 0, 0);
             let random = draws.model("x");
             let int = Distribution::int(low, low + width, false, step).unwrap();
             let float = Distribution::float(low as f64, (low + width) as f64, false, None).unwrap();
@@ -68,7 +68,7 @@ mod tests {
     #[test]
     fn every_whole_number_is_equally_likely_ends_included() {
         let int = Distribution::int(0, 4, false, 1).unwrap();
-        let mut draws = KeyedDraws::new(5, 0);
+        let mut draws = KeyedDraws::new(5, 0, 0);
         let random = draws.model("x");
         let mut counts = [0; 5];
         for _ in 0..10_000 {

@@ -1,8 +1,10 @@
 //! How values are proposed: what a sampler is given and what it gives.
 
+use serde_json::Value;
+
 use super::random::RandomSampler;
 use super::tpe::{Tpe, TpeOptions};
-use super::{Direction, Distribution, Param, Trial};
+use super::{Distribution, History, Param};
 use crate::config::spec::{SamplerKind, SamplerSpec};
 use crate::rng;
 
@@ -31,15 +33,15 @@ pub trait Draws {
 #[derive(Debug)]
 pub struct KeyedDraws {
     seed: u64,
-    trial: u64,
+    key: [u64; 2],
     open: rng::Stream,
 }
 
 impl KeyedDraws {
-    /// The draws of trial `trial` of the study with `seed`.
-    pub fn new(seed: u64, trial: u32) -> Self {
-        let trial = u64::from(trial);
-        KeyedDraws { seed, trial, open: rng::stream(seed, "search", &[trial], "") }
+    /// The draws of the `redraw`-th proposal, from 0, for trial `trial` of the study with `seed`.
+    pub fn new(seed: u64, trial: u32, redraw: u32) -> Self {
+        let key = [trial.into(), redraw.into()];
+        KeyedDraws { seed, key, open: rng::stream(seed, "search", &key, "") }
     }
 }
 
@@ -49,30 +51,18 @@ impl Draws for KeyedDraws {
     }
 
     fn model(&mut self, what: &str) -> &mut dyn Uniform {
-        self.open = rng::stream(self.seed, "search", &[self.trial], what);
+        self.open = rng::stream(self.seed, "search", &self.key, what);
         &mut self.open
-    }
-}
-
-/// The trials that a proposal or a pruning decision sees, in order of number.
-#[derive(Debug, Clone)]
-pub struct History<'a> {
-    /// Which way the objective is better.
-    pub direction: Direction,
-    /// Finished trials, and those under way that a sampler may treat as bad.
-    pub trials: Vec<&'a Trial>,
-}
-
-impl History<'_> {
-    /// Number of complete and pruned trials.
-    pub fn finished(&self) -> usize {
-        self.trials.iter().filter(|t| t.counts()).count()
     }
 }
 
 /// A trial whose parameters are being proposed.
 #[derive(Debug, Clone, Default)]
 pub struct Proposal {
+    /// The trial's number.
+    pub number: u32,
+    /// Values that it is to have, wherever the parameter exists and can have them.
+    pub fixed: Vec<(String, Value)>,
     /// Parameters proposed so far, in order.
     pub params: Vec<Param>,
     /// Values proposed jointly before they were asked for; filled once by samplers that do so.
@@ -80,7 +70,19 @@ pub struct Proposal {
 }
 
 impl Proposal {
-    /// The value of `name`: the one it has already, the only one there is, or the sampler's.
+    /// A proposal for trial `number` without values yet.
+    pub fn new(number: u32, fixed: &[(String, Value)]) -> Self {
+        Proposal { number, fixed: fixed.to_vec(), ..Proposal::default() }
+    }
+
+    /// The value that `name` is to have, if it can.
+    fn fixed(&self, name: &str, distribution: &Distribution) -> Option<f64> {
+        let (_, value) = self.fixed.iter().find(|(n, _)| n == name)?;
+        distribution.to_internal(value).filter(|x| distribution.contains(*x))
+    }
+
+    /// The value of `name`: the one it has already, the one it is to have, the only one there is, or the
+    /// sampler's.
     pub fn suggest(
         &mut self,
         name: &str,
@@ -92,10 +94,10 @@ impl Proposal {
         if let Some(known) = self.params.iter().find(|p| p.name == name) {
             return known.internal;
         }
-        let internal = if distribution.single() {
-            distribution.first()
-        } else {
-            sampler.suggest(history, self, name, distribution, draws)
+        let internal = match self.fixed(name, distribution) {
+            Some(fixed) => fixed,
+            None if distribution.single() => distribution.first(),
+            None => sampler.suggest(history, self, name, distribution, draws),
         };
         self.params.push(Param { name: name.to_owned(), distribution: distribution.clone(), internal });
         internal

@@ -2,6 +2,7 @@
 
 use serde_json::Value;
 
+use super::study::{Ask, Domain};
 use super::{Distribution, Param, same_value};
 use crate::config::spec::{ParameterSpec, ParameterType, SpaceSpec};
 use crate::error::{Class, Classify};
@@ -202,6 +203,18 @@ impl Space {
             }
         }
         asked
+    }
+
+    /// The keys that the values of a trial set, in order.
+    pub fn assignments(&self, params: &[Param]) -> Vec<Assignment> {
+        let value = |name: &str| params.iter().find(|p| p.name == name).map(|p| p.internal);
+        self.walk(&mut |name, distribution| value(name).unwrap_or_else(|| distribution.first()))
+    }
+}
+
+impl Domain for Space {
+    fn walk(&self, ask: Ask<'_>) {
+        Space::walk(self, ask);
     }
 }
 

@@ -3,23 +3,13 @@
 //! Trials are divided into good and bad ones; each side gets a density; candidates are drawn from the
 //! good one, and the candidate is taken whose density there most exceeds its density on the bad side.
 
-use super::groups::{SubSpace, groups, intersection};
+use super::groups::SubSpace;
+use super::marginal::Marginal;
 use super::parzen::{Bandwidth, Parzen, ParzenOptions};
 use super::random;
-use super::split::{gamma, split};
-use super::{Distribution, Draws, History, Param, Proposal, Sampler, Trial, Uniform};
+use super::ranking::{self, Constraints};
+use super::{Distribution, Draws, History, Param, Proposal, Sampler, Trial, TrialState, Uniform};
 use crate::config::spec::SamplerSpec;
-
-/// What constraints mean for the division into good and bad trials.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Constraints {
-    /// Nothing.
-    Ignored,
-    /// A trial without constraint values counts as infinitely infeasible.
-    MissingIsInfeasible,
-    /// A trial without constraint values counts as feasible.
-    MissingIsFeasible,
-}
 
 /// Settings of the sampler.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -146,21 +136,41 @@ impl Tpe {
     /// the parameters, so a rarely active parameter may have an empty good side and fall back to the
     /// prior. Trials under way neither count towards the number of good ones nor are good.
     pub fn candidates(&self, history: &History, space: &SubSpace, random: &mut dyn Uniform) -> Candidates {
-        let mut seen = history.clone();
-        seen.trials.retain(|t| t.counts() || (self.options.constant_liar && t.state == super::TrialState::Running));
-        let sides = split(&seen, gamma(history.finished()), self.options.constraints);
+        let options = self.options.parzen();
+        let good = ranking::best(history, gamma(history.finished()), self.options.constraints);
         let distributions: Vec<&Distribution> = space.iter().map(|(_, d)| d).collect();
-        let model =
-            |side: &[&Trial]| Parzen::new(&distributions, &observations(side, space), None, &self.options.parzen());
-        let (good, bad) = (model(&sides.below), model(&sides.above));
-        let points = good.sample(self.options.candidates, random);
-        Candidates {
-            log_good: good.log_density(&points),
-            log_bad: bad.log_density(&points),
-            good_kernels: good.weights.len(),
-            bad_kernels: bad.weights.len(),
-            points,
+        let trials = good.iter().map(|p| history.trials()[*p as usize].as_ref());
+        let likely = Parzen::new(&distributions, &observations(trials, space), None, &options);
+        let points = likely.sample(self.options.candidates, random);
+        let (log_bad, bad_kernels) = self.bad_side(history, &good, space, &points);
+        Candidates { log_good: likely.log_density(&points), log_bad, good_kernels: likely.weights.len(), bad_kernels, points }
+    }
+
+    /// Log density at each point of all trials but the `good` ones, and the number of its kernels.
+    fn bad_side(
+        &self,
+        history: &History,
+        good: &[u32],
+        space: &SubSpace,
+        points: &[Vec<f64>],
+    ) -> (Vec<f64>, usize) {
+        let mut chosen = vec![true; history.trials().len()];
+        good.iter().for_each(|p| chosen[*p as usize] = false);
+        if !self.options.constant_liar {
+            history.running().iter().for_each(|p| chosen[*p as usize] = false);
         }
+        if let [(name, distribution)] = space.as_slice()
+            && let Some(column) = history.column(name)
+            && let Some(density) = Marginal::new(column, &chosen, distribution, &self.options.parzen())
+        {
+            let seen = column.positions.iter().filter(|p| chosen[**p as usize]).count();
+            return (density.log_densities(&points[0]), density.kernels(seen));
+        }
+        let seen = |t: &&Trial| t.counts() || t.state == TrialState::Running;
+        let trials = history.trials().iter().zip(&chosen).filter(|(_, c)| **c).map(|(t, _)| t.as_ref()).filter(seen);
+        let distributions: Vec<&Distribution> = space.iter().map(|(_, d)| d).collect();
+        let parzen = Parzen::new(&distributions, &observations(trials, space), None, &self.options.parzen());
+        (parzen.log_density(points), parzen.weights.len())
     }
 
     /// [`Sampler::suggest`] with another choice among the candidates.
@@ -196,9 +206,9 @@ impl Tpe {
     /// The groups of parameters that are modelled jointly.
     fn joint_spaces(&self, history: &History) -> Vec<SubSpace> {
         if self.options.group {
-            return groups(history);
+            return history.groups();
         }
-        let space = intersection(history);
+        let space = history.common();
         if space.is_empty() { Vec::new() } else { vec![space] }
     }
 
@@ -231,9 +241,14 @@ impl Sampler for Tpe {
     }
 }
 
+/// Number of good trials among `n` complete or pruned ones: a tenth, rounded up, at most 25.
+pub fn gamma(n: usize) -> usize {
+    n.div_ceil(10).min(25)
+}
+
 /// Internal values, by parameter of `space`, of those of `trials` that have all of them.
-fn observations(trials: &[&Trial], space: &SubSpace) -> Vec<Vec<f64>> {
-    let mut columns = vec![Vec::with_capacity(trials.len()); space.len()];
+fn observations<'a>(trials: impl Iterator<Item = &'a Trial>, space: &SubSpace) -> Vec<Vec<f64>> {
+    let mut columns = vec![Vec::new(); space.len()];
     for trial in trials {
         let row: Option<Vec<f64>> = space.iter().map(|(n, _)| trial.param(n).map(|p| p.internal)).collect();
         for (column, x) in columns.iter_mut().zip(row.into_iter().flatten()) {
@@ -246,7 +261,7 @@ fn observations(trials: &[&Trial], space: &SubSpace) -> Vec<Vec<f64>> {
 #[cfg(test)]
 mod tests {
     use super::super::sampler::KeyedDraws;
-    use super::super::{Direction, RandomSampler, TrialState};
+    use super::super::{Direction, RandomSampler};
     use super::*;
 
     fn finished(n: u32, with_extra: impl Fn(u32) -> bool) -> Vec<Trial> {
@@ -259,7 +274,7 @@ mod tests {
                 if with_extra(i) {
                     params.push(param("extra", x));
                 }
-                Trial { state: TrialState::Complete, value: Some(x), ..Trial::running(i, params) }
+                Trial { state: TrialState::Complete, values: vec![x], ..Trial::running(i, params) }
             })
             .collect()
     }
@@ -268,8 +283,13 @@ mod tests {
         vec![(name.into(), Distribution::float(0.0, 1.0, false, None).unwrap())]
     }
 
-    fn history(trials: &[Trial]) -> History<'_> {
-        History { direction: Direction::Minimize, trials: trials.iter().collect() }
+    fn history(trials: &[Trial]) -> History {
+        History::of(&[Direction::Minimize], trials.to_vec())
+    }
+
+    #[test]
+    fn a_tenth_is_good_but_at_most_twenty_five() {
+        assert_eq!([0, 1, 10, 11, 240, 241, 5000].map(gamma), [0, 1, 1, 2, 24, 25, 25]);
     }
 
     #[test]
@@ -277,7 +297,7 @@ mod tests {
         // The two good ones of twenty are 0 and 1, which lack `extra`: only the prior is left there.
         let trials = finished(20, |i| i >= 2);
         let tpe = Tpe::new(TpeOptions::optuna_4_9());
-        let c = tpe.candidates(&history(&trials), &space("extra"), KeyedDraws::new(1, 20).model("extra"));
+        let c = tpe.candidates(&history(&trials), &space("extra"), KeyedDraws::new(1, 20, 0).model("extra"));
         assert_eq!((c.good_kernels, c.bad_kernels), (1, 19));
     }
 
@@ -287,7 +307,7 @@ mod tests {
         trials[10..].iter_mut().for_each(|t| t.state = TrialState::Running);
         let kernels = |constant_liar| {
             let tpe = Tpe::new(TpeOptions { constant_liar, ..TpeOptions::optuna_4_9() });
-            let c = tpe.candidates(&history(&trials), &space("x"), KeyedDraws::new(1, 20).model("x"));
+            let c = tpe.candidates(&history(&trials), &space("x"), KeyedDraws::new(1, 20, 0).model("x"));
             (c.good_kernels, c.bad_kernels)
         };
         assert_eq!((kernels(true), kernels(false)), ((2, 13), (2, 10)));
@@ -311,7 +331,7 @@ mod tests {
         let distribution = &space("x")[0].1;
         let ask = |sampler: &dyn Sampler, seen| {
             let mut proposal = Proposal::default();
-            proposal.suggest("x", distribution, sampler, &history(&trials[..seen]), &mut KeyedDraws::new(3, 9))
+            proposal.suggest("x", distribution, sampler, &history(&trials[..seen]), &mut KeyedDraws::new(3, 9, 0))
         };
         for options in [TpeOptions::optuna_4_9(), TpeOptions::optuna_5_0()] {
             let tpe = Tpe::new(TpeOptions { startup_trials: 4, ..options });

@@ -84,9 +84,9 @@ pub struct Trial {
     pub state: TrialState,
     /// Parameters in the order in which they were proposed.
     pub params: Vec<Param>,
-    /// The objective; for a pruned trial its last report, if that is a number.
-    #[serde(with = "number::option", default)]
-    pub value: Option<f64>,
+    /// The objectives, all or none; for a pruned trial its last report, if that is a number.
+    #[serde(with = "number::list", default)]
+    pub values: Vec<f64>,
     /// Reported values by step.
     #[serde(with = "number::by_step", default)]
     pub intermediate: BTreeMap<u64, f64>,
@@ -108,12 +108,17 @@ impl Trial {
             number,
             state: TrialState::Running,
             params,
-            value: None,
+            values: Vec::new(),
             intermediate: BTreeMap::new(),
             constraints: None,
             rungs: Vec::new(),
             reason: None,
         }
+    }
+
+    /// The first objective.
+    pub fn value(&self) -> Option<f64> {
+        self.values.first().copied()
     }
 
     /// The parameter called `name`, if the trial has it.
@@ -156,7 +161,7 @@ mod tests {
             ],
         );
         trial.state = TrialState::Complete;
-        trial.value = Some(f64::NEG_INFINITY);
+        trial.values = vec![f64::NEG_INFINITY];
         trial.intermediate = BTreeMap::from([(1, 0.1 + 0.2), (2, f64::INFINITY)]);
         let text = serde_json::to_string(&trial).unwrap();
         assert_eq!(serde_json::from_str::<Trial>(&text).unwrap(), trial);
@@ -168,7 +173,7 @@ mod tests {
     #[test]
     fn a_record_with_a_value_outside_its_distribution_is_refused() {
         let text = r#"{"number":0,"state":"complete","params":[{"name":"n","value":13,
-            "distribution":{"type":"int","low":2,"high":12,"log":false,"step":1}}],"value":0.5}"#;
+            "distribution":{"type":"int","low":2,"high":12,"log":false,"step":1}}],"values":[0.5]}"#;
         let error = serde_json::from_str::<Trial>(text).unwrap_err().to_string();
         assert!(error.contains("`n`") && error.contains("13"), "{error}");
     }

@@ -8,8 +8,7 @@ use super::stages::{Epochs, Stages};
 use super::{Error, Options, Training};
 use crate::config::spec::{Experiment, NetworkSpec, TrainSpec};
 use crate::rng::derive_seed;
-use crate::search::study::Rules;
-use crate::search::{self, Assignment, Outcome, Space, Study, Ticket, Trial, TrialState};
+use crate::search::{self, Outcome, Param, Rules, Space, Study, Ticket, Trial, TrialState};
 use crate::store::{self, RunFolder, write_json};
 use crate::tables::artefacts::{ImportanceRow, ParamValue, TrialArtefact};
 use crate::tables::{write_importance, write_trial};
@@ -47,13 +46,14 @@ pub(super) fn search(
     let records = records(run.path(), spec.search.trials)?;
     let done = records.len() as u64;
     let rules = Rules::from_spec(&spec.search, derive_seed(spec.seed, "study", &[]));
-    let study = Study::resume(Space::from_spec(&spec.search.space)?, rules, records)?;
+    let space = Space::from_spec(&spec.search.space)?;
+    let study = Study::resume(space.clone(), rules, records)?;
     let epochs = u64::from(spec.train.epochs);
     stages.progress.begin("trials", spec.search.trials.into());
     stages.progress.advance(done);
     stages.progress.begin("epochs", epochs * u64::from(spec.search.trials));
     stages.progress.advance(done * epochs);
-    let office = Office { spec, run: run.path(), training, stages, study: Mutex::new(study), changed: Condvar::new() };
+    let office = Office { spec, space, run: run.path(), training, stages, study: Mutex::new(study), changed: Condvar::new() };
     let workers = options.threads.min(spec.search.concurrency as usize).max(1);
     let result = side_by_side(workers, || office.work());
     stages.progress.end();
@@ -92,6 +92,7 @@ fn records(run: &Path, trials: u32) -> Result<Vec<Trial>, Error> {
 /// What the workers of a study share.
 struct Office<'a> {
     spec: &'a Experiment,
+    space: Space,
     run: &'a Path,
     training: &'a Training,
     stages: &'a Stages<'a>,
@@ -134,9 +135,15 @@ impl Office<'_> {
         }
     }
 
+    /// Network and training with the values of a trial.
+    fn settings(&self, params: &[Param]) -> Result<(NetworkSpec, TrainSpec), Error> {
+        let assignments = self.space.assignments(params);
+        Ok(search::apply(&assignments, &self.spec.network, &self.spec.train)?)
+    }
+
     fn evaluate(&self, ticket: &Ticket) -> Result<(), Error> {
         let number = ticket.number;
-        let (network, train) = search::apply(&ticket.assignments, &self.spec.network, &self.spec.train)?;
+        let (network, train) = self.settings(&ticket.params)?;
         let checkpoint = folder(self.run, number).join("checkpoint");
         let job = Job {
             network: &network,
@@ -154,7 +161,7 @@ impl Office<'_> {
         }
         let (outcome, fitted) = match fitted {
             Ok(fitted) if fitted.stopped == Stopped::Pruned => (Outcome::Pruned, Some(fitted)),
-            Ok(fitted) => (Outcome::Complete(fitted.best_objective), Some(fitted)),
+            Ok(fitted) => (Outcome::Complete(vec![fitted.best_objective]), Some(fitted)),
             Err(diverged @ train::Error::Diverged { .. }) => (Outcome::Failed(diverged.to_string()), None),
             Err(train::Error::Interrupted) => return Err(Error::Interrupted),
             Err(other) => return Err(other.into()),
@@ -173,7 +180,7 @@ impl Office<'_> {
             number: record.number,
             state: record.state,
             params: record.params.iter().map(|p| ParamValue { name: p.name.clone(), value: p.value() }).collect(),
-            value: record.value.filter(|_| record.state == TrialState::Complete),
+            value: record.value().filter(|_| record.state == TrialState::Complete),
             reason: record.reason.clone(),
             best_epoch: fitted.filter(|_| record.state == TrialState::Complete).map(|f| f.best_epoch),
             curve: fitted.map(|f| f.curve.clone()).unwrap_or_default(),
@@ -184,9 +191,9 @@ impl Office<'_> {
 
     fn tell_best(&self, record: &Trial) {
         let study = self.study();
-        let best = study.best().and_then(|t| t.value.map(|v| format!("best {v:.5} (trial {})", t.number)));
+        let best = study.best().and_then(|t| t.value().map(|v| format!("best {v:.5} (trial {})", t.number)));
         let state = match record.state {
-            TrialState::Complete => record.value.map_or_else(String::new, |v| format!("{v:.5}")),
+            TrialState::Complete => record.value().map_or_else(String::new, |v| format!("{v:.5}")),
             TrialState::Pruned => "pruned".to_owned(),
             _ => format!("failed: {}", record.reason.as_deref().unwrap_or("no reason given")),
         };
@@ -196,14 +203,13 @@ impl Office<'_> {
 
     /// Importance, and the best trial's hyper-parameters.
     fn finish(self) -> Result<Searched, Error> {
-        let study = self.study.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let study = self.study();
         let records: Vec<Trial> = study.finished().cloned().collect();
         let importance = search::importance(&records, derive_seed(self.spec.seed, "importance", &[]));
         let rows: Vec<ImportanceRow> = importance.into_iter().map(importance_row).collect();
         write_importance(self.run, &rows)?;
         let best = study.best().ok_or_else(|| no_value(&records))?;
-        let assignments: &[Assignment] = study.assignments(best.number).unwrap_or_default();
-        let best = search::apply(assignments, &self.spec.network, &self.spec.train)?;
+        let best = self.settings(&best.params)?;
         let trials = records.iter().map(|r| self::shown(self.run, r)).collect::<Result<_, Error>>()?;
         Ok(Searched { trials, best })
     }

@@ -32,7 +32,7 @@ fn ped_anova() {
     let mut evaluations = 0;
     each("importance.json", "cases", &BOTH, |case, v5| {
         let trials = trials(case);
-        let history = History { direction: direction(case), trials: trials.iter().collect() };
+        let history = History::of(&[direction(case)], trials);
         for (label, theirs) in case["results"].as_object().expect("results") {
             let Some(evaluator) = evaluator(label, v5) else { continue };
             let what = format!("importance case {} v5={v5} {label}", case["id"]);

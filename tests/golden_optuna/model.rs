@@ -1,8 +1,9 @@
 //! The Parzen estimator, the division into good and bad trials, and one whole proposal.
 
 use panotune::search::parzen::{Bandwidth, Kernels, Parzen, ParzenOptions};
-use panotune::search::split::{gamma, split};
-use panotune::search::{Constraints, Distribution, History, SubSpace, Tpe, TpeOptions};
+use panotune::search::ranking::best;
+use panotune::search::tpe::gamma;
+use panotune::search::{Constraints, Distribution, History, SubSpace, Tpe, TpeOptions, TrialState};
 use serde_json::Value;
 
 use super::support::{Twister, all_close, close, direction, each, number, numbers, space, trial};
@@ -44,11 +45,14 @@ fn parzen() {
 
 fn same_kernels(ours: &Kernels, theirs: &Value, what: &str) {
     match ours {
-        Kernels::Choice(rows) => {
+        Kernels::Choice(ours) => {
             assert_eq!(theirs["kind"], "categorical", "{what}");
             let expected = theirs["weights"].as_array().expect("weights");
-            assert_eq!(rows.len(), expected.len(), "{what}");
-            rows.iter().zip(expected).for_each(|(a, b)| all_close(a, &numbers(b), TOLERANCE, what));
+            assert_eq!(ours.len(), expected.len(), "{what}");
+            for (k, row) in expected.iter().enumerate() {
+                let ours: Vec<f64> = (0..ours.choices()).map(|c| ours.probability(k, c)).collect();
+                all_close(&ours, &numbers(row), TOLERANCE, what);
+            }
         }
         Kernels::Number(ours) => {
             let step = theirs.get("step").filter(|s| !s.is_null()).map(number);
@@ -75,16 +79,22 @@ fn good_and_bad_trials() {
             (false, Some(true)) => Constraints::MissingIsInfeasible,
             (false, _) => Constraints::Ignored,
         };
-        let trials: Vec<_> = case["trials"].as_array().expect("trials").iter().map(|t| trial(t, &[])).collect();
-        let history = History { direction: direction(case), trials: trials.iter().collect() };
+        let trials = case["trials"].as_array().expect("trials").iter().map(|t| trial(t, &[]));
+        let history = History::of(&[direction(case)], trials);
         let good = case["n_below"].as_u64().expect("n_below") as usize;
-        let sides = split(&history, good, constraints);
-        let same = |side: &[&panotune::search::Trial], key: &str| {
-            let ours: Vec<f64> = side.iter().map(|t| f64::from(t.number)).collect();
+        let below = best(&history, good, constraints);
+        let modelled = |p: &u32| {
+            let t = &history.trials()[*p as usize];
+            t.counts() || t.state == TrialState::Running
+        };
+        let all = (0..history.trials().len() as u32).filter(modelled);
+        let above: Vec<u32> = all.filter(|p| !below.contains(p)).collect();
+        let same = |side: &[u32], key: &str| {
+            let ours: Vec<f64> = side.iter().map(|p| f64::from(history.trials()[*p as usize].number)).collect();
             assert_eq!(ours, numbers(&case[key]), "split case {} {key}", case["id"]);
         };
-        same(&sides.below, "below");
-        same(&sides.above, "above");
+        same(&below, "below");
+        same(&above, "above");
     });
 }
 
@@ -101,8 +111,8 @@ fn acquisition() {
             constant_liar: flag("constant_liar"),
             ..preset
         });
-        let trials: Vec<_> = case["trials"].as_array().expect("trials").iter().map(|t| trial(t, &space)).collect();
-        let history = History { direction: direction(case), trials: trials.iter().collect() };
+        let trials = case["trials"].as_array().expect("trials").iter().map(|t| trial(t, &space));
+        let history = History::of(&[direction(case)], trials);
         let mut twister = Twister::new(case["seed"].as_u64().expect("a seed") as u32);
         let ours = tpe.candidates(&history, &space, &mut twister);
         let expected = by_name(&case["candidates_internal"], &space);

@@ -1,7 +1,9 @@
 //! Pruners.
 
 use panotune::search::pruner::{Halving, Hyperband, Patient, Percentile, Resource, Threshold, Window};
-use panotune::search::{History, Pruner, Trial, TrialState};
+use std::sync::Arc;
+
+use panotune::search::{History, Past, Pruner, Trial, TrialState};
 use serde_json::Value;
 
 use super::support::{direction, each, number, trial};
@@ -40,15 +42,15 @@ fn pruner(kind: &str, settings: &Value) -> Box<dyn Pruner> {
 #[test]
 fn median_percentile_threshold_patient() {
     each("pruner.json", "cases", &[""], |case, _| {
-        let others: Vec<Trial> =
-            case["other_trials"].as_array().expect("trials").iter().map(|t| trial(t, &[])).collect();
-        let history = History { direction: direction(case), trials: others.iter().collect() };
+        let others = case["other_trials"].as_array().expect("trials").iter().map(|t| trial(t, &[]));
+        let history = History::of(&[direction(case)], others);
+        let past = history.past();
         let rule = pruner(case["pruner"].as_str().expect("a pruner"), &case["settings"]);
-        let mut own = Trial::running(others.len() as u32, vec![]);
-        let mut ours = vec![rule.should_prune(&history, &own)];
+        let mut own = Trial::running(history.trials().len() as u32, vec![]);
+        let mut ours = vec![rule.should_prune(&past, &own)];
         for report in case["reports"].as_array().expect("reports") {
             own.intermediate.entry(whole(&report[0])).or_insert(number(&report[1]));
-            ours.push(rule.should_prune(&history, &own));
+            ours.push(rule.should_prune(&past, &own));
         }
         let theirs = &case["should_prune_before_and_after_each_report"];
         assert_eq!(serde_json::json!(ours), *theirs, "pruner case {}", case["id"]);
@@ -81,11 +83,11 @@ fn hyperband(case: &Value) -> Hyperband {
 }
 
 /// Runs the trial that `item` records among the `finished` ones: its reports until the rule ends it.
-fn rerun(item: &Value, rule: &dyn Pruner, history: &History) -> (Trial, bool) {
+fn rerun(item: &Value, rule: &dyn Pruner, past: &Past) -> (Trial, bool) {
     let mut own = Trial::running(whole(&item["number"]) as u32, vec![]);
     for (i, value) in item["values"].as_array().expect("values").iter().enumerate() {
         own.intermediate.insert(whole(&item["first_step"]) + i as u64, number(value));
-        let verdict = rule.judge(history, &own);
+        let verdict = rule.judge(past, &own);
         own.rungs.extend(verdict.rungs);
         if verdict.prune {
             return (own, true);
@@ -97,18 +99,18 @@ fn rerun(item: &Value, rule: &dyn Pruner, history: &History) -> (Trial, bool) {
 #[test]
 fn successive_halving_and_hyperband() {
     each("pruner_sha_hyperband.json", "cases", &[""], |case, _| {
-        let mut finished: Vec<Trial> = Vec::new();
+        let mut history = History::new(&[direction(case)]);
         for item in case["trials"].as_array().expect("trials") {
             let what = format!("case {} trial {}", case["id"], item["number"]);
-            let history = History { direction: direction(case), trials: finished.iter().collect() };
+            let past = history.past();
             let (mut own, pruned) = match halving(case) {
-                Some(rule) => rerun(item, &rule, &history),
+                Some(rule) => rerun(item, &rule, &past),
                 None => {
                     let rule = hyperband(case);
-                    let brackets = rule.brackets(&history).expect("a declared resource");
+                    let brackets = rule.brackets(&past).expect("a declared resource");
                     let bracket = rule.bracket(whole(&item["number"]) as u32, brackets);
                     assert_eq!(u64::from(bracket), whole(&item["bracket"]), "{what}");
-                    rerun(item, &rule, &history)
+                    rerun(item, &rule, &past)
                 }
             };
             assert_eq!(own.intermediate.len() as u64, whole(&item["n_reports"]), "{what}");
@@ -119,7 +121,7 @@ fn successive_halving_and_hyperband() {
                 assert_eq!(*value, number(&rungs[&format!("completed_rung_{r}")]), "{what}");
             }
             own.state = if pruned { TrialState::Pruned } else { TrialState::Complete };
-            finished.push(own);
+            history.push(Arc::new(own));
         }
     });
 }

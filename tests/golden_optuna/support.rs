@@ -109,7 +109,7 @@ pub fn trial(item: &Value, space: &[(String, Distribution)]) -> Trial {
         Some("WAITING") => TrialState::Waiting,
         other => panic!("state {other:?}"),
     };
-    trial.value = item.get("value").filter(|v| !v.is_null()).map(number);
+    trial.values = item.get("value").filter(|v| !v.is_null()).map(number).into_iter().collect();
     for report in item.get("intermediate_values").and_then(Value::as_array).into_iter().flatten() {
         trial.intermediate.insert(report[0].as_u64().expect("a step"), number(&report[1]));
     }

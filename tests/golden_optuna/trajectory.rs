@@ -3,6 +3,8 @@
 //! A value is accepted if one of our candidates equals it (to 1e-6) and scores within 1e-9 of our best;
 //! then the recorded value goes into the history, so that a tie decided otherwise does not add up.
 
+use std::sync::Arc;
+
 use panotune::search::{
     Direction, Distribution, Draws, History, Param, Proposal, SubSpace, Tpe, TpeOptions, Trial, TrialState, Uniform,
 };
@@ -144,18 +146,17 @@ fn seeded_runs_are_repeated_trial_by_trial() {
         let seed = case["seed"].as_u64().unwrap() as u32;
         let mut draws = Generators { startup: Twister::new(seed), model: Twister::new(seed) };
         let tpe = Tpe::new(options(sampler, v5));
-        let mut trials: Vec<Trial> = Vec::new();
+        let mut history = History::new(&[Direction::Minimize]);
         let items = case["trials"].as_array().unwrap();
         assert!(!items.is_empty());
         for (i, item) in items.iter().enumerate() {
             let what = format!("{objective} {sampler} v5={v5} trial {i}");
-            let history = History { direction: Direction::Minimize, trials: trials.iter().collect() };
             let params = replay(&tpe, &history, item, objective, &mut draws, &what);
             proposals += params.len();
             let mut trial = Trial::running(i as u32, params);
             trial.state = TrialState::Complete;
-            trial.value = Some(number(&item["value"]));
-            trials.push(trial);
+            trial.values = vec![number(&item["value"])];
+            history.push(Arc::new(trial));
         }
     });
     println!("trajectory.json: {proposals} proposals repeated");

@@ -18,7 +18,7 @@ pub use model::{
     NetworkSpec, Optimizer, TrainSpec, Tune,
 };
 pub use search::{
-    ParameterSpec, ParameterType, PrunerKind, PrunerSpec, SamplerKind, SamplerSpec, SearchSpec, SpaceSpec,
+    DuplicatesKind, ParameterSpec, ParameterType, PrunerKind, PrunerSpec, SamplerKind, SamplerSpec, SearchSpec, SpaceSpec,
 };
 
 use schemars::JsonSchema;

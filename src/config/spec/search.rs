@@ -21,6 +21,20 @@ pub struct SearchSpec {
     /// Trials that may be under way at once: trial k sees exactly the trials numbered below k − concurrency + 1.
     #[schemars(range(min = 1, max = 1024))]
     pub concurrency: u32,
+    /// What happens when a trial would have the values of an earlier one.
+    pub duplicates: DuplicatesKind,
+}
+
+/// What happens when a trial would have the values of an earlier one (spaces of listed values only).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum DuplicatesKind {
+    /// It is trained again.
+    Allow,
+    /// Other values are proposed, if some are found.
+    Avoid,
+    /// It takes over the result of the earlier one, if that is complete.
+    Reuse,
 }
 
 /// What is searched, in the order in which values are proposed.

@@ -35,12 +35,12 @@ pub struct Fanova<'a> {
 impl<'a> Fanova<'a> {
     /// The complete trials with a finite value; `None` if there are fewer than two.
     pub fn new(trials: &[&'a Trial]) -> Option<Self> {
-        let finite = |t: &&&Trial| t.state == TrialState::Complete && t.value.is_some_and(f64::is_finite);
+        let finite = |t: &&&Trial| t.state == TrialState::Complete && t.value().is_some_and(f64::is_finite);
         let trials: Vec<&Trial> = trials.iter().filter(finite).copied().collect();
         if trials.len() < 2 {
             return None;
         }
-        let targets = trials.iter().filter_map(|t| t.value).collect();
+        let targets = trials.iter().filter_map(|t| t.value()).collect();
         let mut names: Vec<(&str, &Distribution)> = Vec::new();
         for param in trials.iter().flat_map(|t| &t.params) {
             if names.iter().all(|(n, _)| *n != param.name) {

@@ -104,7 +104,7 @@ mod tests {
                     params.push(param("x", &unit, x));
                 }
                 let y = if sgd { 3.0 * f64::from(u8::from(x > 0.5)) } else { -1.0 };
-                Trial { state: TrialState::Complete, value: Some(y), ..Trial::running(i, params) }
+                Trial { state: TrialState::Complete, values: vec![y], ..Trial::running(i, params) }
             })
             .collect()
     }
@@ -131,7 +131,7 @@ mod tests {
     fn too_few_trials_have_no_importance() {
         assert_eq!(importance(&trials(1), 1), []);
         let mut two = trials(2);
-        two[1].value = Some(f64::INFINITY);
+        two[1].values = vec![f64::INFINITY];
         assert_eq!(importance(&two, 1), []);
     }
 }

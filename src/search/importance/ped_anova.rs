@@ -42,7 +42,7 @@ impl PedAnova {
     /// Importance of each parameter, by name, not normalised. Only complete trials with a finite value count.
     pub fn evaluate(&self, history: &History) -> Vec<(String, f64)> {
         let complete: Vec<&Trial> =
-            history.trials.iter().filter(|t| t.state == TrialState::Complete).copied().collect();
+            history.trials().iter().map(AsRef::as_ref).filter(|t| t.state == TrialState::Complete).collect();
         let mut parameters: Vec<(&str, &Distribution)> = Vec::new();
         for param in complete.iter().flat_map(|t| &t.params) {
             if parameters.iter().all(|(n, _)| *n != param.name) {
@@ -56,9 +56,9 @@ impl PedAnova {
             parameters.retain(|(name, d)| everywhere(name, d));
         }
         parameters.sort_by(|a, b| a.0.cmp(b.0));
-        let finite: Vec<&Trial> = complete.into_iter().filter(|t| t.value.is_some_and(f64::is_finite)).collect();
-        let region = self.top(&finite, self.region, history.direction);
-        let target = self.top(&finite, self.target, history.direction);
+        let finite: Vec<&Trial> = complete.into_iter().filter(|t| t.value().is_some_and(f64::is_finite)).collect();
+        let region = self.top(&finite, self.region, history.direction());
+        let target = self.top(&finite, self.target, history.direction());
         let too_few = finite.len() <= if self.regimes == Regimes::Shared { 2 } else { 1 };
         let one = |(name, distribution): (&str, &Distribution)| {
             let value = match self.regimes {
@@ -73,7 +73,7 @@ impl PedAnova {
 
     /// The best `quantile` of `trials`, ties at its edge included.
     fn top<'a>(&self, trials: &[&'a Trial], quantile: f64, direction: Direction) -> Vec<&'a Trial> {
-        let loss = |t: &Trial| direction.as_loss(t.value.unwrap_or(f64::NAN));
+        let loss = |t: &Trial| direction.as_loss(t.value().unwrap_or(f64::NAN));
         let mut losses: Vec<f64> = trials.iter().map(|t| loss(t)).collect();
         losses.sort_by(f64::total_cmp);
         if losses.is_empty() || (quantile >= 1.0 && self.regimes == Regimes::Shared) {

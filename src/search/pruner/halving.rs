@@ -1,6 +1,6 @@
 //! Successive halving and Hyperband, asynchronous (Li et al. 2018, 2020).
 
-use super::super::{Direction, History, Trial, TrialState};
+use super::super::{Direction, Past, Trial, TrialState};
 use super::{Pruner, Verdict};
 
 /// Steps after which the first rung ends.
@@ -13,11 +13,11 @@ pub enum Resource {
 }
 
 impl Resource {
-    fn steps(self, history: &History, from_last: impl Fn(u64) -> u64) -> Option<u64> {
+    fn steps(self, past: &Past, from_last: impl Fn(u64) -> u64) -> Option<u64> {
         match self {
             Resource::Steps(n) => Some(n),
             Resource::Auto => {
-                let first = history.trials.iter().filter(|t| t.state == TrialState::Complete);
+                let first = past.trials().iter().filter(|t| t.state == TrialState::Complete);
                 first.filter_map(|t| t.last_report()).next().map(|(step, _)| from_last(step))
             }
         }
@@ -38,17 +38,17 @@ pub struct Halving {
 }
 
 impl Pruner for Halving {
-    fn judge(&self, history: &History, trial: &Trial) -> Verdict {
-        self.judge_among(history, trial, &|_| true)
+    fn judge(&self, past: &Past, trial: &Trial) -> Verdict {
+        self.judge_among(past, trial, &|_| true)
     }
 }
 
 impl Halving {
     /// Judges `trial` among those of the history that `competes` says.
-    fn judge_among(&self, history: &History, trial: &Trial, competes: &dyn Fn(&Trial) -> bool) -> Verdict {
+    fn judge_among(&self, past: &Past, trial: &Trial, competes: &dyn Fn(&Trial) -> bool) -> Verdict {
         let mut verdict = Verdict::default();
         let Some((step, value)) = trial.last_report() else { return verdict };
-        let Some(least) = self.min_resource.steps(history, |last| (last / 100).max(1)) else { return verdict };
+        let Some(least) = self.min_resource.steps(past, |last| (last / 100).max(1)) else { return verdict };
         loop {
             let rung = trial.rungs.len() + verdict.rungs.len();
             let end = u32::try_from(rung)
@@ -62,11 +62,11 @@ impl Halving {
                 verdict.prune = true;
                 return verdict;
             }
-            let others = history.trials.iter().filter(|t| t.number != trial.number && competes(t));
+            let others = past.trials().iter().filter(|t| t.number != trial.number && competes(t));
             let mut values: Vec<f64> = others.filter_map(|t| t.rungs.get(rung).copied()).collect();
             values.push(value);
             verdict.rungs.push(value);
-            if !self.promotes(values, value, history.direction) {
+            if !self.promotes(values, value, past.direction()) {
                 verdict.prune = true;
                 return verdict;
             }
@@ -103,8 +103,8 @@ pub struct Hyperband {
 }
 
 impl Pruner for Hyperband {
-    fn judge(&self, history: &History, trial: &Trial) -> Verdict {
-        let Some(brackets) = self.brackets(history) else { return Verdict::default() };
+    fn judge(&self, past: &Past, trial: &Trial) -> Verdict {
+        let Some(brackets) = self.brackets(past) else { return Verdict::default() };
         let own = self.bracket(trial.number, brackets);
         let halving = Halving {
             min_resource: Resource::Steps(self.min_resource),
@@ -112,14 +112,14 @@ impl Pruner for Hyperband {
             early_stopping_rate: own,
             bootstrap: self.bootstrap,
         };
-        halving.judge_among(history, trial, &|t| self.bracket(t.number, brackets) == own)
+        halving.judge_among(past, trial, &|t| self.bracket(t.number, brackets) == own)
     }
 }
 
 impl Hyperband {
     /// Number of brackets: ⌊log_η(max/min)⌋ + 1; `None` while the length of a trial is not known.
-    pub fn brackets(&self, history: &History) -> Option<u32> {
-        let most = self.max_resource.steps(history, |last| last + 1)?;
+    pub fn brackets(&self, past: &Past) -> Option<u32> {
+        let most = self.max_resource.steps(past, |last| last + 1)?;
         let ratio = most as f64 / self.min_resource as f64;
         Some((libm::log(ratio) / libm::log(self.reduction_factor as f64)).floor().max(0.0) as u32 + 1)
     }
@@ -150,6 +150,7 @@ fn crc32(bytes: &[u8]) -> u32 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::super::History;
     use super::super::tests::{prunes, trial};
     use super::*;
 
@@ -165,8 +166,8 @@ mod tests {
         let mut other = trial(TrialState::Complete, &[(8, 0.5)]);
         other.number = 1;
         other.rungs = vec![0.5, 0.4];
-        let history = History { direction: Direction::Minimize, trials: vec![&other] };
-        let good = rule.judge(&history, &trial(TrialState::Running, &[(4, 0.3)]));
+        let history = History::of(&[Direction::Minimize], [other.clone()]);
+        let good = rule.judge(&history.past(), &trial(TrialState::Running, &[(4, 0.3)]));
         assert_eq!(good, Verdict { prune: false, rungs: vec![0.3; 3] });
         assert!(prunes(&rule, Direction::Minimize, &[other], &[(1, 0.6)]));
     }

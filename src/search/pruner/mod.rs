@@ -8,7 +8,7 @@ pub use halving::{Halving, Hyperband, Resource};
 pub use percentile::Percentile;
 pub use simple::{Never, Patient, Threshold};
 
-use super::{History, Trial};
+use super::{Past, Trial};
 use crate::config::spec::{PrunerKind, PrunerSpec};
 
 /// What a pruner says about a trial.
@@ -23,13 +23,13 @@ pub struct Verdict {
 
 /// A rule for ending trials. It depends on its arguments only.
 pub trait Pruner: Send + Sync {
-    /// Judges `trial`, which is under way, after its latest report. `history` holds the trials that it
+    /// Judges `trial`, which is under way, after its latest report. `past` holds the trials that it
     /// may be compared with.
-    fn judge(&self, history: &History, trial: &Trial) -> Verdict;
+    fn judge(&self, past: &Past, trial: &Trial) -> Verdict;
 
     /// Whether `trial` should end.
-    fn should_prune(&self, history: &History, trial: &Trial) -> bool {
-        self.judge(history, trial).prune
+    fn should_prune(&self, past: &Past, trial: &Trial) -> bool {
+        self.judge(past, trial).prune
     }
 }
 
@@ -70,7 +70,7 @@ impl Window {
 
 #[cfg(test)]
 pub(crate) mod tests {
-    use super::super::{Direction, TrialState};
+    use super::super::{Direction, History, TrialState};
     use super::*;
 
     pub(crate) fn trial(state: TrialState, reports: &[(u64, f64)]) -> Trial {
@@ -78,8 +78,8 @@ pub(crate) mod tests {
     }
 
     pub(crate) fn prunes(pruner: &dyn Pruner, direction: Direction, others: &[Trial], reports: &[(u64, f64)]) -> bool {
-        let history = History { direction, trials: others.iter().collect() };
-        pruner.should_prune(&history, &trial(TrialState::Running, reports))
+        let history = History::of(&[direction], others.to_vec());
+        pruner.should_prune(&history.past(), &trial(TrialState::Running, reports))
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! The percentile rule, of which the median rule (Golovin et al. 2017) is the 50th.
 
-use super::super::{Direction, History, Trial, TrialState};
+use super::super::{Direction, Past, Trial};
 use super::{Pruner, Verdict, Window};
 
 /// Ends a trial whose best value so far is worse than a percentile of the values that completed trials
@@ -25,26 +25,25 @@ impl Percentile {
 }
 
 impl Pruner for Percentile {
-    fn judge(&self, history: &History, trial: &Trial) -> Verdict {
-        Verdict { prune: self.worse(history, trial), rungs: Vec::new() }
+    fn judge(&self, past: &Past, trial: &Trial) -> Verdict {
+        Verdict { prune: self.worse(past, trial), rungs: Vec::new() }
     }
 }
 
 impl Percentile {
-    fn worse(&self, history: &History, trial: &Trial) -> bool {
-        let completed = || history.trials.iter().filter(|t| t.state == TrialState::Complete);
-        let count = completed().count();
+    fn worse(&self, past: &Past, trial: &Trial) -> bool {
+        let count = past.complete();
         if count == 0 || count < self.startup_trials {
             return false;
         }
         let Some((step, _)) = self.window.open(trial) else { return false };
-        let Some(own) = best(trial.intermediate.values().copied(), history.direction) else { return true };
-        let values: Vec<f64> = completed().filter_map(|t| t.intermediate.get(&step).copied()).collect();
+        let Some(own) = best(trial.intermediate.values().copied(), past.direction()) else { return true };
+        let values = past.at_step(step);
         if values.len() < self.min_trials {
             return false;
         }
         // A threshold that is not a number is never passed.
-        match history.direction {
+        match past.direction() {
             Direction::Minimize => own > percentile(values, self.percentile),
             Direction::Maximize => own < percentile(values, 100.0 - self.percentile),
         }
@@ -61,18 +60,21 @@ pub(super) fn best(values: impl Iterator<Item = f64>, direction: Direction) -> O
 
 /// The `q`-th percentile, in percent, of those of `values` that are numbers, with linear interpolation;
 /// not a number if there are none, or between infinities.
-fn percentile(mut values: Vec<f64>, q: f64) -> f64 {
-    values.retain(|v| !v.is_nan());
-    values.sort_by(f64::total_cmp);
+fn percentile(values: &[f64], q: f64) -> f64 {
+    let mut values: Vec<f64> = values.iter().copied().filter(|v| !v.is_nan()).collect();
     let Some(last) = values.len().checked_sub(1) else { return f64::NAN };
     let position = last as f64 * (q / 100.0);
     let i = (position.floor() as usize).min(last);
-    let (a, b, share) = (values[i], values[(i + 1).min(last)], position - position.floor());
+    let (_, a, larger) = values.select_nth_unstable_by(i, f64::total_cmp);
+    let a = *a;
+    let b = larger.iter().copied().reduce(|x, y| if y.total_cmp(&x).is_lt() { y } else { x }).unwrap_or(a);
+    let share = position - position.floor();
     if share < 0.5 { a + (b - a) * share } else { b - (b - a) * (1.0 - share) }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::super::TrialState;
     use super::super::tests::{prunes, trial};
     use super::*;
 

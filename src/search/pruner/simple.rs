@@ -1,6 +1,6 @@
 //! Rules that need no other trials, and one that waits before asking another rule.
 
-use super::super::{Direction, History, Trial};
+use super::super::{Direction, Past, Trial};
 use super::percentile::best;
 use super::{Pruner, Verdict, Window};
 
@@ -9,7 +9,7 @@ use super::{Pruner, Verdict, Window};
 pub struct Never;
 
 impl Pruner for Never {
-    fn judge(&self, _: &History, _: &Trial) -> Verdict {
+    fn judge(&self, _: &Past, _: &Trial) -> Verdict {
         Verdict::default()
     }
 }
@@ -26,7 +26,7 @@ pub struct Threshold {
 }
 
 impl Pruner for Threshold {
-    fn judge(&self, _: &History, trial: &Trial) -> Verdict {
+    fn judge(&self, _: &Past, trial: &Trial) -> Verdict {
         let outside = |value: f64| {
             value.is_nan() || self.lower.is_some_and(|l| value < l) || self.upper.is_some_and(|u| value > u)
         };
@@ -45,12 +45,12 @@ pub struct Patient {
 }
 
 impl Pruner for Patient {
-    fn judge(&self, history: &History, trial: &Trial) -> Verdict {
-        if !self.stuck(history.direction, trial) {
+    fn judge(&self, past: &Past, trial: &Trial) -> Verdict {
+        if !self.stuck(past.direction(), trial) {
             return Verdict::default();
         }
         match &self.wrapped {
-            Some(pruner) => pruner.judge(history, trial),
+            Some(pruner) => pruner.judge(past, trial),
             None => Verdict { prune: true, rungs: Vec::new() },
         }
     }

@@ -35,18 +35,26 @@ fn rules(concurrency: u32, joint: bool) -> Rules {
     } else {
         Box::new(Percentile::median(2, window, 1))
     };
-    Rules { sampler: tpe(joint), pruner, direction: Direction::Minimize, trials: 14, concurrency, seed: 11 }
+    Rules {
+        sampler: tpe(joint),
+        pruner,
+        directions: vec![Direction::Minimize],
+        trials: 14,
+        concurrency,
+        seed: 11,
+        duplicates: Duplicates::Allow,
+    }
 }
 
 /// Value of a trial at a step: falls with the step, depends on all parameters.
 fn curve(ticket: &Ticket, step: u64) -> f64 {
-    let sum: f64 = ticket.assignments.iter().map(|a| libm::sin(a.internal + a.name.len() as f64)).sum();
+    let sum: f64 = ticket.params.iter().map(|a| libm::sin(a.internal + a.name.len() as f64)).sum();
     sum + 1.0 / (step + 1) as f64
 }
 
 /// How trial `number` ends after its last step, if nobody prunes it.
 fn end(ticket: &Ticket) -> Outcome {
-    if ticket.number % 7 == 5 { Outcome::Failed("diverged".into()) } else { Outcome::Complete(curve(ticket, 5)) }
+    if ticket.number % 7 == 5 { Outcome::Failed("diverged".into()) } else { Outcome::Complete(vec![curve(ticket, 5)]) }
 }
 
 /// Runs the study with `workers`, advancing in random order, dropping (as a kill does) with `drop`.
@@ -80,7 +88,7 @@ fn run(study: &mut Study, workers: usize, order: u64, drop: f64, stop_after: usi
     }
 }
 
-fn records(study: &Study) -> Vec<Trial> {
+fn records_of(study: &Study) -> Vec<Trial> {
     study.finished().cloned().collect()
 }
 
@@ -88,7 +96,7 @@ fn records(study: &Study) -> Vec<Trial> {
 fn reference(concurrency: u32, joint: bool) -> Vec<Trial> {
     let mut study = Study::new(space(), rules(concurrency, joint));
     run(&mut study, 1, 0, 0.0, usize::MAX);
-    records(&study)
+    records_of(&study)
 }
 
 proptest! {
@@ -100,7 +108,7 @@ proptest! {
     ) {
         let mut study = Study::new(space(), rules(concurrency, joint));
         run(&mut study, workers, order, 0.05, usize::MAX);
-        prop_assert_eq!(records(&study), reference(concurrency, joint));
+        prop_assert_eq!(records_of(&study), reference(concurrency, joint));
         prop_assert_eq!(study.finished().count(), 14);
     }
 
@@ -110,12 +118,12 @@ proptest! {
     ) {
         let mut study = Study::new(space(), rules(concurrency, true));
         run(&mut study, workers, order, 0.0, stop);
-        let text = serde_json::to_string(&records(&study)).unwrap();
+        let text = serde_json::to_string(&records_of(&study)).unwrap();
         let mut back: Vec<Trial> = serde_json::from_str(&text).unwrap();
         back.reverse();
         let mut study = Study::resume(space(), rules(concurrency, true), back).unwrap();
         run(&mut study, workers, order ^ 1, 0.0, usize::MAX);
-        prop_assert_eq!(records(&study), reference(concurrency, true));
+        prop_assert_eq!(records_of(&study), reference(concurrency, true));
     }
 }
 
@@ -134,10 +142,10 @@ fn with_concurrency_w_trial_k_waits_for_trial_k_minus_w() {
     let mut study = Study::new(space(), rules(3, false));
     let tickets: Vec<Ticket> = std::iter::from_fn(|| study.next_trial()).collect();
     assert_eq!(tickets.iter().map(|t| t.number).collect::<Vec<_>>(), [0, 1, 2]);
-    study.tell(2, Outcome::Complete(1.0)).unwrap();
-    study.tell(1, Outcome::Complete(1.0)).unwrap();
+    study.tell(2, Outcome::Complete(vec![1.0])).unwrap();
+    study.tell(1, Outcome::Complete(vec![1.0])).unwrap();
     assert_eq!(study.next_trial(), None, "trial 3 needs trial 0");
-    study.tell(0, Outcome::Complete(1.0)).unwrap();
+    study.tell(0, Outcome::Complete(vec![1.0])).unwrap();
     assert_eq!([study.next_trial(), study.next_trial(), study.next_trial()].map(|t| t.unwrap().number), [3, 4, 5]);
 }
 
@@ -153,8 +161,8 @@ impl Sampler for &'static Spy {
         distribution: &Distribution,
         draws: &mut dyn super::super::Draws,
     ) -> f64 {
-        let seen = history.trials.iter().map(|t| (t.number, t.state)).collect();
-        self.0.lock().unwrap().entry(history.trials.len()).or_insert(seen);
+        let seen = history.trials().iter().map(|t| (t.number, t.state)).collect();
+        self.0.lock().unwrap().entry(history.trials().len()).or_insert(seen);
         RandomSampler.suggest(history, proposal, name, distribution, draws)
     }
 }
@@ -164,7 +172,7 @@ fn trials_within_the_window_are_seen_as_running_even_when_they_have_ended() {
     let spy: &'static Spy = Box::leak(Box::new(Spy(Default::default())));
     let mut study = Study::new(space(), Rules { sampler: Box::new(spy), trials: 6, ..rules(3, false) });
     while let Some(ticket) = study.next_trial() {
-        study.tell(ticket.number, Outcome::Complete(0.0)).unwrap();
+        study.tell(ticket.number, Outcome::Complete(vec![0.0])).unwrap();
     }
     let (done, running) = (TrialState::Complete, TrialState::Running);
     let seen = spy.0.lock().unwrap();
@@ -178,7 +186,7 @@ fn the_model_is_used_once_the_visible_trials_are_enough() {
     let values = |sampler: Box<dyn Sampler>| {
         let mut study = Study::new(space(), Rules { sampler, ..rules(4, false) });
         run(&mut study, 1, 0, 0.0, usize::MAX);
-        records(&study).into_iter().map(|t| t.params).collect::<Vec<_>>()
+        records_of(&study).into_iter().map(|t| t.params).collect::<Vec<_>>()
     };
     let (modelled, random) = (values(tpe(false)), values(Box::new(RandomSampler)));
     assert_eq!(modelled.iter().zip(&random).take_while(|(a, b)| a == b).count(), 6);
@@ -195,12 +203,12 @@ fn outcomes_are_recorded_as_optuna_does() {
     study.should_prune(1, 0, f64::NAN).unwrap();
     let told = |study: &mut Study, k, outcome| {
         let t = study.tell(k, outcome).unwrap();
-        (t.state, t.value)
+        (t.state, t.value())
     };
     assert_eq!(told(&mut study, 0, Outcome::Pruned), (TrialState::Pruned, Some(0.25)), "a step's first value counts");
     assert_eq!(told(&mut study, 1, Outcome::Pruned), (TrialState::Pruned, None));
-    assert_eq!(told(&mut study, 2, Outcome::Complete(f64::NAN)), (TrialState::Fail, None));
-    assert_eq!(told(&mut study, 3, Outcome::Complete(f64::INFINITY)), (TrialState::Complete, Some(f64::INFINITY)));
+    assert_eq!(told(&mut study, 2, Outcome::Complete(vec![f64::NAN])), (TrialState::Fail, None));
+    assert_eq!(told(&mut study, 3, Outcome::Complete(vec![f64::INFINITY])), (TrialState::Complete, Some(f64::INFINITY)));
     assert_eq!(study.tell(3, Outcome::Pruned), Err(StudyError::NotUnderWay { number: 3 }));
     assert_eq!(study.should_prune(9, 0, 0.0), Err(StudyError::NotUnderWay { number: 9 }));
 }
@@ -216,11 +224,69 @@ fn records_that_do_not_belong_are_refused() {
     assert_eq!(refused(vec![all[0].clone(), all[0].clone()]).0, 0);
     assert_eq!(refused(vec![all[0].clone(), all[3].clone()]).1, "a trial that it has to wait for has not finished");
     assert_eq!(refused(vec![Trial { number: 14, ..all[0].clone() }]).0, 14);
-    assert_eq!(
-        refused(vec![Trial { params: vec![], ..all[0].clone() }]).1,
-        "its parameters are not those of the space"
-    );
-    assert_eq!(refused(vec![Trial::running(0, all[0].params.clone())]).1, "the trial has not finished");
+    assert_eq!(refused(vec![Trial { params: vec![], ..all[0].clone() }]).1, "it has no parameter `n`");
+    let mut more = all[0].clone();
+    more.params.push(Param { name: "extra".into(), ..more.params[0].clone() });
+    assert_eq!(refused(vec![more]).1, "it has parameters that do not exist here");
+    let mut wider = all[0].clone();
+    wider.params[0].distribution = Distribution::int(1, 4, false, 1).unwrap();
+    assert_eq!(refused(vec![wider]).1, "its parameter `n` is int 1 to 4, and int 1 to 3 here");
+    assert_eq!(refused(vec![Trial { state: TrialState::Waiting, ..all[0].clone() }]).1, "it has not begun");
+}
+
+#[test]
+fn an_interrupted_trial_is_open_again_with_its_values() {
+    let all = reference(1, false);
+    let records = vec![all[0].clone(), Trial::running(1, all[1].params.clone())];
+    let mut study = Study::resume(space(), rules(1, false), records).unwrap();
+    run(&mut study, 1, 0, 0.0, usize::MAX);
+    assert_eq!(records_of(&study), all);
+}
+
+#[test]
+fn an_enqueued_trial_has_its_values_and_the_others_are_proposed() {
+    let mut study = Study::new(space(), rules(1, false));
+    study.enqueue(vec![("n".into(), 2.into()), ("u1".into(), 7.into()), ("opt".into(), "lion".into())]);
+    let ticket = study.next_trial().unwrap();
+    assert_eq!((ticket.get("n"), ticket.get("u1")), (Some(2.0), Some(7.0)));
+    let plain = Study::new(space(), rules(1, false)).next_trial().unwrap();
+    assert_eq!(ticket.get("opt"), plain.get("opt"), "a value that it cannot have is proposed instead");
+}
+
+/// A space of four points.
+fn four_points(ask: Ask<'_>) {
+    let two = Distribution::int(0, 1, false, 1).unwrap();
+    ask("a", &two);
+    ask("b", &two);
+}
+
+fn values_of_four(duplicates: Duplicates, trials: u32) -> (Study, Vec<Option<u32>>) {
+    let mut study = Study::new(four_points, Rules { duplicates, trials, ..rules(1, false) });
+    let mut same = Vec::new();
+    while let Some(ticket) = study.next_trial() {
+        same.push(ticket.same_as);
+        study.tell(ticket.number, Outcome::Complete(vec![f64::from(ticket.number)])).unwrap();
+    }
+    (study, same)
+}
+
+#[test]
+fn duplicates_are_avoided_while_there_are_other_values_and_then_accepted() {
+    let (study, _) = values_of_four(Duplicates::Avoid, 6);
+    let all = records_of(&study);
+    let distinct = |n: usize| all[..n].iter().enumerate().all(|(i, t)| all[..i].iter().all(|s| s.params != t.params));
+    assert!(distinct(4) && all.len() == 6);
+}
+
+#[test]
+fn duplicates_can_take_over_the_earlier_result() {
+    let (study, same) = values_of_four(Duplicates::Reuse, 8);
+    let all = records_of(&study);
+    assert!(same.iter().flatten().count() >= 4);
+    for (k, earlier) in same.iter().enumerate().filter_map(|(k, s)| Some((k, (*s)? as usize))) {
+        assert!(earlier < k && all[earlier].params == all[k].params);
+    }
+    assert!(values_of_four(Duplicates::Allow, 8).1.iter().all(Option::is_none));
 }
 
 #[test]
@@ -228,7 +294,7 @@ fn the_best_trial_is_the_earliest_of_equal_ones() {
     let mut study = Study::new(space(), rules(4, false));
     for (k, value) in [0.5, 0.25, 0.25].into_iter().enumerate() {
         study.next_trial().unwrap();
-        study.tell(k as u32, Outcome::Complete(value)).unwrap();
+        study.tell(k as u32, Outcome::Complete(vec![value])).unwrap();
     }
     assert_eq!(study.best().unwrap().number, 1);
 }
