@@ -3,7 +3,7 @@ use std::collections::BTreeMap;
 use proptest::prelude::*;
 
 use super::super::pruner::{Halving, Percentile, Resource, Window};
-use super::super::{Distribution, RandomSampler, Tpe, TpeOptions};
+use super::super::{Distribution, RandomSampler, Space, Tpe, TpeOptions};
 use super::*;
 use crate::rng;
 
