@@ -5,14 +5,17 @@
 //! when there are many, only those near a point are added up.
 
 use super::history::Column;
-use super::normal::{self, SQRT_2PI};
+use super::normals::{Normals, Points};
 use super::parzen::{
-    Bandwidth, ParzenOptions, THIN, age_weight, choice_base, fixed_deviation, smallest_deviation, sorted_distances,
+    Bandwidth, ParzenOptions, age_weight, choice_base, fixed_deviation, smallest_deviation, sorted_distances,
 };
 use super::{Distribution, Range};
 
 /// Deviations beyond which a narrow kernel is left out: exp(−9.5²/2) is 3·10⁻²⁰.
 const REACH: f64 = 9.5;
+
+/// Narrow kernels up to which all are added up at all points.
+const FEW: usize = 150;
 
 /// A density over one parameter.
 #[derive(Debug)]
@@ -33,14 +36,6 @@ pub(super) struct Numbers {
     deviation: f64,
     /// Number of observations.
     observations: usize,
-}
-
-/// Normals by rising mean: means, inverse deviations, and weights divided by the mass within the range.
-#[derive(Debug, Default)]
-struct Normals {
-    means: Vec<f64>,
-    inverses: Vec<f64>,
-    factors: Vec<f64>,
 }
 
 impl Marginal {
@@ -90,13 +85,11 @@ impl Marginal {
 
     /// Log density at each of the internal values `points`.
     pub(super) fn log_densities(&self, points: &[f64]) -> Vec<f64> {
-        points.iter().map(|x| self.log_density(*x)).collect()
-    }
-
-    fn log_density(&self, x: f64) -> f64 {
         match self {
-            Marginal::Number(numbers) => libm::log(numbers.density(x)),
-            Marginal::Choice(logs) => logs.get(x as usize).copied().unwrap_or(f64::NEG_INFINITY),
+            Marginal::Number(numbers) => numbers.log_densities(points),
+            Marginal::Choice(logs) => {
+                points.iter().map(|x| logs.get(*x as usize).copied().unwrap_or(f64::NEG_INFINITY)).collect()
+            }
         }
     }
 }
@@ -149,63 +142,29 @@ impl Numbers {
         narrow.divide_by_masses(low, high, REACH * deviation);
         wide.divide_by_masses(low, high, f64::INFINITY);
         if range.step.is_none() {
-            [&mut narrow, &mut wide].into_iter().for_each(Normals::multiply_by_inverses);
+            [&mut narrow, &mut wide].into_iter().for_each(Normals::normalise_bells);
         }
         Some(Numbers { range, narrow, wide, deviation, observations: n })
     }
 
-    fn density(&self, x: f64) -> f64 {
-        let (a, b) = match self.range.step {
-            Some(step) => (self.range.to_scale(x - step / 2.0), self.range.to_scale(x + step / 2.0)),
-            None => (self.range.to_scale(x), self.range.to_scale(x)),
-        };
+    fn log_densities(&self, points: &[f64]) -> Vec<f64> {
+        let cells = Points::new(&self.range, points);
+        let mut sums = vec![0.0; points.len()];
+        self.wide.add(&cells, &mut sums);
         let reach = REACH * self.deviation;
-        let from = self.narrow.means.partition_point(|m| *m < a - reach);
-        let to = self.narrow.means.partition_point(|m| *m <= b + reach);
-        let stepped = self.range.step.is_some();
-        self.wide.sum(0..self.wide.means.len(), a, b, stepped) + self.narrow.sum(from..to, a, b, stepped)
-    }
-}
-
-impl Normals {
-    /// Adds a normal, or its weight to the one before if that is the same.
-    fn push(&mut self, mean: f64, inverse: f64, weight: f64) {
-        match (self.means.last(), self.inverses.last(), self.factors.last_mut()) {
-            (Some(m), Some(v), Some(factor)) if *m == mean && *v == inverse => *factor += weight,
-            _ => {
-                self.means.push(mean);
-                self.inverses.push(inverse);
-                self.factors.push(weight);
+        let narrowest = 1.0 / self.deviation;
+        let all = self.narrow.means.len();
+        if all <= FEW {
+            self.narrow.add_part(0..all, &cells, 0..points.len(), narrowest, &mut sums);
+        } else {
+            for i in 0..points.len() {
+                let (low, high) = cells.cell(i);
+                let from = self.narrow.means.partition_point(|m| *m < low - reach);
+                let to = self.narrow.means.partition_point(|m| *m <= high + reach);
+                self.narrow.add_part(from..to, &cells, i..i + 1, narrowest, &mut sums);
             }
         }
-    }
-
-    /// Normals farther than `reach` from both ends have all their mass within.
-    fn divide_by_masses(&mut self, low: f64, high: f64, reach: f64) {
-        let n = self.means.len();
-        let left = self.means.partition_point(|m| *m < low + reach);
-        let right = self.means.partition_point(|m| *m <= high - reach).clamp(left, n);
-        for part in [0..left, right..n] {
-            let (means, inverses) = (&self.means[part.clone()], &self.inverses[part.clone()]);
-            normal::divide_masses(low, high, means, inverses, &mut self.factors[part]);
-        }
-    }
-
-    fn multiply_by_inverses(&mut self) {
-        self.factors.iter_mut().zip(&self.inverses).for_each(|(f, v)| *f *= v);
-    }
-
-    /// Sum of the densities of a part at `a`, or of the masses between `a` and `b`.
-    fn sum(&self, part: std::ops::Range<usize>, a: f64, b: f64, stepped: bool) -> f64 {
-        let (means, inverses, factors) =
-            (&self.means[part.clone()], &self.inverses[part.clone()], &self.factors[part]);
-        if !stepped {
-            return normal::sum_bells(a, means, inverses, factors) / SQRT_2PI;
-        }
-        if inverses.iter().all(|v| (b - a) * v <= THIN) {
-            return normal::sum_thin_masses(0.5 * (a + b), b - a, means, inverses, factors);
-        }
-        normal::sum_masses(a, b, means, inverses, factors)
+        sums.into_iter().map(libm::log).collect()
     }
 }
 
@@ -271,7 +230,7 @@ mod tests {
                 prop_assert_eq!(ours.kernels(seen.len()), seen.len() + 1);
                 let at = value(d, x);
                 let expected = exact.log_density(&[vec![at]])[0];
-                prop_assert!((ours.log_density(at) - expected).abs() < 1e-9, "{} {expected}", ours.log_density(at));
+                prop_assert!((ours.log_densities(&[at])[0] - expected).abs() < 1e-9, "{:?} {expected}", ours.log_densities(&[at]));
             }
         }
     }

@@ -14,6 +14,7 @@ pub mod history;
 pub mod importance;
 mod marginal;
 mod normal;
+mod normals;
 mod number;
 pub mod pareto;
 pub mod parzen;

@@ -126,49 +126,39 @@ in_bulk! {
 }
 
 in_bulk! {
-    /// Σ factor·exp(−½((x − mean)·inverse)²) in a fixed order.
-    sum_bells, (x: f64, means: &[f64], inverses: &[f64], factors: &[f64]) -> f64, {
-        let mut lanes = [0.0; 8];
-        let n = means.len().min(inverses.len()).min(factors.len());
-        let whole = n / 8 * 8;
-        let bell = |i: usize| {
-            let z = (x - means[i]) * inverses[i];
-            factors[i] * exp_one(-0.5 * z * z)
-        };
-        for start in (0..whole).step_by(8) {
-            let (m, v, f) = (&means[start..start + 8], &inverses[start..start + 8], &factors[start..start + 8]);
-            for k in 0..8 {
-                let z = (x - m[k]) * v[k];
-                lanes[k] = f[k].mul_add(exp_one(-0.5 * z * z), lanes[k]);
+    /// Adds to the sum of each point x factor·exp(−½((x − mean)·inverse)²) of each kernel, kernel after kernel.
+    add_bells, (points: &[f64], means: &[f64], inverses: &[f64], factors: &[f64], sums: &mut [f64]), {
+        for ((m, v), f) in means.iter().zip(inverses).zip(factors) {
+            for (sum, x) in sums.iter_mut().zip(points) {
+                let z = (x - m) * v;
+                *sum = f.mul_add(exp_one(-0.5 * z * z), *sum);
             }
         }
-        let mut sum = lanes.iter().sum::<f64>();
-        for i in whole..n {
-            sum += bell(i);
-        }
-        sum
     }
 }
 
 in_bulk! {
-    /// Σ factor·(Φ((b − mean)·inverse) − Φ((a − mean)·inverse)) in a fixed order.
-    sum_masses, (a: f64, b: f64, means: &[f64], inverses: &[f64], factors: &[f64]) -> f64, {
-        let mut lanes = [0.0; 8];
-        let n = means.len().min(inverses.len()).min(factors.len());
-        let whole = n / 8 * 8;
-        for start in (0..whole).step_by(8) {
-            let (m, v, f) = (&means[start..start + 8], &inverses[start..start + 8], &factors[start..start + 8]);
-            for k in 0..8 {
-                let mass = cdf_one((b - m[k]) * v[k]) - cdf_one((a - m[k]) * v[k]);
-                lanes[k] = f[k].mul_add(mass, lanes[k]);
+    /// Adds to the sum of each cell [a, b] factor·(Φ((b − mean)·inverse) − Φ((a − mean)·inverse)) of each
+    /// kernel, kernel after kernel.
+    add_masses, (cells: (&[f64], &[f64]), means: &[f64], inverses: &[f64], factors: &[f64], sums: &mut [f64]), {
+        for ((m, v), f) in means.iter().zip(inverses).zip(factors) {
+            for ((sum, a), b) in sums.iter_mut().zip(cells.0).zip(cells.1) {
+                let mass = cdf_one((b - m) * v) - cdf_one((a - m) * v);
+                *sum = f.mul_add(mass, *sum);
             }
         }
-        let mut sum = lanes.iter().sum::<f64>();
-        for i in whole..n {
-            let mass = cdf_one((b - means[i]) * inverses[i]) - cdf_one((a - means[i]) * inverses[i]);
-            sum = factors[i].mul_add(mass, sum);
+    }
+}
+
+in_bulk! {
+    /// As [`add_masses`] for cells so small that (b − a)·inverse ≤ 0.05 with all kernels, without subtraction.
+    add_thin_masses, (cells: (&[f64], &[f64]), means: &[f64], inverses: &[f64], factors: &[f64], sums: &mut [f64]), {
+        for ((m, v), f) in means.iter().zip(inverses).zip(factors) {
+            for ((sum, a), b) in sums.iter_mut().zip(cells.0).zip(cells.1) {
+                let z = (0.5 * (a + b) - m) * v;
+                *sum = f.mul_add(thin_mass(z, (b - a) * v) * exp_one(-0.5 * z * z), *sum);
+            }
         }
-        sum
     }
 }
 
@@ -215,29 +205,6 @@ in_bulk! {
 }
 
 in_bulk! {
-    /// As [`sum_masses`] for a = `middle` − `width`/2 and b = `middle` + `width`/2 that are close together
-    /// (`width`·inverse ≤ 0.05), without subtraction.
-    sum_thin_masses, (middle: f64, width: f64, means: &[f64], inverses: &[f64], factors: &[f64]) -> f64, {
-        let mut lanes = [0.0; 8];
-        let n = means.len().min(inverses.len()).min(factors.len());
-        let whole = n / 8 * 8;
-        for start in (0..whole).step_by(8) {
-            let (m, v, f) = (&means[start..start + 8], &inverses[start..start + 8], &factors[start..start + 8]);
-            for k in 0..8 {
-                let z = (middle - m[k]) * v[k];
-                lanes[k] = f[k].mul_add(thin_mass(z, width * v[k]) * exp_one(-0.5 * z * z), lanes[k]);
-            }
-        }
-        let mut sum = lanes.iter().sum::<f64>();
-        for i in whole..n {
-            let z = (middle - means[i]) * inverses[i];
-            sum = factors[i].mul_add(thin_mass(z, width * inverses[i]) * exp_one(-0.5 * z * z), sum);
-        }
-        sum
-    }
-}
-
-in_bulk! {
     /// Divides every factor by the mass that its kernel has between `low` and `high`.
     divide_masses, (low: f64, high: f64, means: &[f64], inverses: &[f64], factors: &mut [f64]), {
         for ((f, m), v) in factors.iter_mut().zip(means).zip(inverses) {
@@ -246,30 +213,53 @@ in_bulk! {
     }
 }
 
-/// Φ(z).
-pub fn cdf_at(z: f64) -> f64 {
-    cdf_one(z)
+in_bulk! {
+    /// For each kernel Φ((low − mean)·inverse) and Φ((mean − high)·inverse), the masses beyond both ends.
+    outside, (low: f64, high: f64, means: &[f64], inverses: &[f64], below: &mut [f64], above: &mut [f64]), {
+        for (((b, a), m), v) in below.iter_mut().zip(above.iter_mut()).zip(means).zip(inverses) {
+            *b = cdf_one((low - m) * v);
+            *a = cdf_one((m - high) * v);
+        }
+    }
+}
+
+in_bulk! {
+    /// Replaces each u in [0, 1) by that quantile of a standard normal cut off at both ends; `below` and
+    /// `above` are the masses beyond them, and the mass between must not be tiny.
+    cut_quantiles, (u: &mut [f64], below: &[f64], above: &[f64]), {
+        for ((u, below), above) in u.iter_mut().zip(below).zip(above) {
+            let mass = 1.0 - below - above;
+            let p = u.mul_add(mass, *below);
+            *u = if p <= 0.5 {
+                quantile(p.max(f64::MIN_POSITIVE))
+            } else {
+                -quantile((1.0 - *u).mul_add(mass, *above).max(f64::MIN_POSITIVE))
+            };
+        }
+    }
 }
 
 /// The x with Φ(x) = p for 0 < p < 1, to about 10⁻¹⁵ relative (algorithm AS 241, Wichura 1988).
-pub fn quantile(p: f64) -> f64 {
+#[inline(always)]
+fn quantile(p: f64) -> f64 {
     let q = p - 0.5;
     if q.abs() <= 0.425 {
         let r = 0.180625 - q * q;
         return q * ratio(&CENTRE, r);
     }
-    let tail = if q < 0.0 { p } else { 1.0 - p };
-    let x = tail_quantile(tail);
+    let x = tail_quantile(if q < 0.0 { p } else { 1.0 - p });
     if q < 0.0 { -x } else { x }
 }
 
 /// The x ≥ 0 with Φ(−x) = `tail`, for a tail below 0.075.
+#[inline(always)]
 fn tail_quantile(tail: f64) -> f64 {
-    let r = libm::sqrt(-libm::log(tail));
+    let r = (-libm::log(tail)).sqrt();
     if r <= 5.0 { ratio(&NEAR, r - 1.6) } else { ratio(&FAR, r - 5.0) }
 }
 
 /// Quotient of two polynomials of degree 7, highest powers first.
+#[inline(always)]
 fn ratio((above, below): &([f64; 8], [f64; 8]), x: f64) -> f64 {
     let horner = |c: &[f64; 8]| c.iter().fold(0.0, |sum: f64, c| sum.mul_add(x, *c));
     horner(above) / horner(below)
@@ -345,14 +335,6 @@ const FAR: ([f64; 8], [f64; 8]) = (
     ],
 );
 
-/// The quantile of a standard normal cut off at `a` and `b`, for `u` in [0, 1); `below` and `above` are Φ(a)
-/// and Φ(−b), and the mass between must not be tiny.
-pub fn cut_quantile(u: f64, below: f64, above: f64) -> f64 {
-    let mass = 1.0 - below - above;
-    let p = u.mul_add(mass, below);
-    if p <= 0.5 { quantile(p.max(f64::MIN_POSITIVE)) } else { -quantile((1.0 - u).mul_add(mass, above)) }
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::truncnorm::{log_gauss_mass, ppf};
@@ -363,7 +345,7 @@ mod tests {
         #[test]
         fn the_distribution_agrees_with_the_error_function(z in -39.0f64..39.0) {
             let exact = 0.5 * libm::erfc(-z * std::f64::consts::FRAC_1_SQRT_2);
-            prop_assert!((cdf_at(z) - exact).abs() <= 3e-16, "{} {exact}", cdf_at(z));
+            prop_assert!((cdf_one(z) - exact).abs() <= 3e-16, "{} {exact}", cdf_one(z));
         }
 
         #[test]
@@ -375,20 +357,34 @@ mod tests {
         #[test]
         fn quantiles_agree_with_newton_s_method(u in 0.0f64..1.0, a in -200.0f64..0.0, b in 0.0f64..200.0) {
             prop_assume!(b - a > 0.005);
-            let ours = cut_quantile(u, cdf_at(a), cdf_at(-b));
+            let ours = cut(u, a, b);
             let exact = ppf(u, a, b);
             prop_assert!((ours - exact).abs() < 1e-7 * exact.abs().max(1.0), "{ours} {exact}");
         }
 
         #[test]
-        fn sums_agree_with_the_same_operations_one_by_one(means in prop::collection::vec(-2.0f64..2.0, 0..40)) {
+        fn sums_agree_with_the_same_operations_one_by_one(
+            means in prop::collection::vec(-2.0f64..2.0, 0..40), width in 0.001f64..0.035
+        ) {
             let ones = vec![1.3; means.len()];
+            let mut sums = [0.0; 3];
+            add_bells(&[0.4], &means, &ones, &ones, &mut sums[..1]);
+            add_masses((&[0.1], &[0.9]), &means, &ones, &ones, &mut sums[1..2]);
+            add_thin_masses((&[0.5], &[0.5 + width]), &means, &ones, &ones, &mut sums[2..]);
+            let mass = |m: f64, a: f64, b: f64| 1.3 * libm::exp(log_gauss_mass((a - m) * 1.3, (b - m) * 1.3));
             let bells: f64 = means.iter().map(|m| 1.3 * libm::exp(-0.5 * 1.69 * (0.4 - m) * (0.4 - m))).sum();
-            prop_assert!((sum_bells(0.4, &means, &ones, &ones) - bells).abs() < 1e-13);
-            let mass = |m: f64| 1.3 * libm::exp(log_gauss_mass((0.1 - m) * 1.3, (0.9 - m) * 1.3));
-            let masses: f64 = means.iter().map(|m| mass(*m)).sum();
-            prop_assert!((sum_masses(0.1, 0.9, &means, &ones, &ones) - masses).abs() < 1e-13);
+            let masses: f64 = means.iter().map(|m| mass(*m, 0.1, 0.9)).sum();
+            let thin: f64 = means.iter().map(|m| mass(*m, 0.5, 0.5 + width)).sum();
+            prop_assert!((sums[0] - bells).abs() < 1e-13 && (sums[1] - masses).abs() < 1e-13);
+            prop_assert!((sums[2] - thin).abs() <= 1e-12 * thin, "{} {thin}", sums[2]);
         }
+    }
+
+    fn cut(u: f64, a: f64, b: f64) -> f64 {
+        let (mut below, mut above, mut x) = ([0.0], [0.0], [u]);
+        outside(a, b, &[0.0], &[1.0], &mut below, &mut above);
+        cut_quantiles(&mut x, &below, &above);
+        x[0]
     }
 
     #[test]
@@ -404,6 +400,6 @@ mod tests {
     #[test]
     fn ends_are_finite() {
         assert!(quantile(0.5) == 0.0 && quantile(1e-300) < -37.0 && quantile(1.0 - 1e-16) > 8.0);
-        assert!(cut_quantile(0.0, 0.0, 0.0) < -37.0 && cdf_at(-60.0) < 1e-300 && cdf_at(60.0) == 1.0);
+        assert!(cut(0.0, -60.0, 60.0) < -37.0 && cdf_one(-60.0) < 1e-300 && cdf_one(60.0) == 1.0);
     }
 }

@@ -5,13 +5,12 @@
 //! step it is the mass of the normal over half a step to either side. A choice's kernel is a table.
 
 use super::normal::{self, SQRT_2PI};
+use super::normals::{Normals, Points, THIN};
 use super::truncnorm::{log_density, log_gauss_mass, ppf};
 use super::{Distribution, Range, Uniform};
 
 /// Parameters up to which densities are multiplied, not their logarithms added.
 const MOST_FACTORS: usize = 64;
-/// Width of a step in deviations up to which its mass is computed from the density in its middle.
-pub(super) const THIN: f64 = 0.05;
 
 /// How wide kernels of numbers are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -60,7 +59,13 @@ pub struct NumberKernels {
 #[derive(Debug, Clone, PartialEq)]
 enum Masses {
     /// No mean is out of range and no kernel is much narrower than it, so that masses can be subtracted.
-    Plain { inverses: Vec<f64>, masses: Vec<f64> },
+    Plain {
+        inverses: Vec<f64>,
+        /// Masses below, within and above the range.
+        below: Vec<f64>,
+        within: Vec<f64>,
+        above: Vec<f64>,
+    },
     /// Masses may be too small for a double.
     Logarithms(Vec<f64>),
 }
@@ -145,7 +150,7 @@ impl Parzen {
         }
         for (kernels, out) in self.kernels.iter().zip(&mut points) {
             if let Kernels::Number(numbers) = kernels {
-                *out = chosen.iter().map(|k| numbers.draw(*k, random.uniform())).collect();
+                *out = numbers.draw(&chosen, chosen.iter().map(|_| random.uniform()).collect());
             }
         }
         points
@@ -155,7 +160,11 @@ impl Parzen {
     /// the density of the logarithm.
     pub fn log_density(&self, points: &[Vec<f64>]) -> Vec<f64> {
         let plain = self.kernels.len() <= MOST_FACTORS && self.kernels.iter().all(Kernels::plain);
-        if plain { self.log_of_products(points) } else { self.sums_of_logs(points) }
+        match self.kernels.as_slice() {
+            [Kernels::Number(numbers)] if plain => numbers.log_densities(&self.weights, &points[0]),
+            _ if plain => self.log_of_products(points),
+            _ => self.sums_of_logs(points),
+        }
     }
 
     /// By multiplying the parameters' densities relative to an even one. The prior's kernel is never far
@@ -213,14 +222,15 @@ impl Kernels {
 
     /// Multiplies each factor by what of a kernel's density does not depend on the point.
     fn multiply_constants(&self, factors: &mut [f64]) {
-        let Kernels::Number(NumberKernels { masses: Masses::Plain { masses, inverses }, range, .. }) = self else {
+        let Kernels::Number(NumberKernels { masses: Masses::Plain { within, inverses, .. }, range, .. }) = self
+        else {
             return;
         };
         let cells = range.cells();
         match range.step {
-            Some(_) => factors.iter_mut().zip(masses).for_each(|(f, m)| *f *= cells / m),
+            Some(_) => factors.iter_mut().zip(within).for_each(|(f, m)| *f *= cells / m),
             None => {
-                let constants = masses.iter().zip(inverses).map(|(m, v)| cells * v / (SQRT_2PI * m));
+                let constants = within.iter().zip(inverses).map(|(m, v)| cells * v / (SQRT_2PI * m));
                 factors.iter_mut().zip(constants).for_each(|(f, c)| *f *= c);
             }
         }
@@ -264,15 +274,36 @@ impl NumberKernels {
         NumberKernels { means, deviations, range, masses }
     }
 
-    fn draw(&self, kernel: usize, u: f64) -> f64 {
+    /// Draws from the `chosen` kernels, given a uniform number for each.
+    fn draw(&self, chosen: &[usize], mut u: Vec<f64>) -> Vec<f64> {
         let (low, high) = self.range.scale();
-        let (mean, deviation) = (self.means[kernel], self.deviations[kernel]);
-        let (a, b) = ((low - mean) / deviation, (high - mean) / deviation);
-        let z = match self.masses {
-            Masses::Plain { .. } => normal::cut_quantile(u, normal::cdf_at(a), normal::cdf_at(-b)).clamp(a, b),
-            Masses::Logarithms(_) => ppf(u, a, b),
+        let z = match &self.masses {
+            Masses::Plain { below, above, .. } => {
+                let of = |masses: &[f64]| chosen.iter().map(|k| masses[*k]).collect::<Vec<f64>>();
+                normal::cut_quantiles(&mut u, &of(below), &of(above));
+                u
+            }
+            Masses::Logarithms(_) => {
+                let end = |k: usize, x: f64| (x - self.means[k]) / self.deviations[k];
+                u.iter().zip(chosen).map(|(u, k)| ppf(*u, end(*k, low), end(*k, high))).collect()
+            }
         };
-        self.range.at_scale(mean + deviation * z)
+        let scaled = z.iter().zip(chosen).map(|(z, k)| (self.means[*k] + self.deviations[*k] * z).clamp(low, high));
+        scaled.map(|x| self.range.at_scale(x)).collect()
+    }
+
+    /// Log densities of the mixture of these kernels alone with `weights`, if they are plain.
+    fn log_densities(&self, weights: &[f64], points: &[f64]) -> Vec<f64> {
+        let mut sums = vec![0.0; points.len()];
+        if let Masses::Plain { inverses, within, .. } = &self.masses {
+            let factors = weights.iter().zip(within).map(|(w, m)| w / m).collect();
+            let mut normals = Normals { means: self.means.clone(), inverses: inverses.clone(), factors };
+            if self.range.step.is_none() {
+                normals.normalise_bells();
+            }
+            normals.add(&Points::new(&self.range, points), &mut sums);
+        }
+        sums.into_iter().map(libm::log).collect()
     }
 
     fn multiply_density(&self, x: f64, factors: &mut [f64], exponents: &mut [f64]) {
@@ -290,7 +321,7 @@ impl NumberKernels {
     fn add_log_density(&self, x: f64, terms: &mut [f64]) {
         let (low, high) = self.range.scale();
         let log_mass = |k: usize| match &self.masses {
-            Masses::Plain { masses, .. } => libm::log(masses[k]),
+            Masses::Plain { within, .. } => libm::log(within[k]),
             Masses::Logarithms(logs) => logs[k],
         };
         let kernels = terms.iter_mut().zip(self.means.iter().zip(&self.deviations)).enumerate();
@@ -320,9 +351,10 @@ impl Masses {
             return Masses::Logarithms(ends.collect());
         }
         let inverses: Vec<f64> = deviations.iter().map(|s| 1.0 / s).collect();
-        let mut masses = vec![1.0; means.len()];
-        normal::multiply_masses(low, high, means, &inverses, &mut masses);
-        Masses::Plain { inverses, masses }
+        let (mut below, mut above) = (vec![0.0; means.len()], vec![0.0; means.len()]);
+        normal::outside(low, high, means, &inverses, &mut below, &mut above);
+        let within = below.iter().zip(&above).map(|(b, a)| 1.0 - b - a).collect();
+        Masses::Plain { inverses, below, within, above }
     }
 }
 

@@ -118,6 +118,11 @@ pub trait Sampler: Send + Sync {
     ) -> f64;
 }
 
+/// The sampler that is used where none is named.
+pub fn default() -> Box<dyn Sampler> {
+    Box::new(Tpe::new(TpeOptions::optuna_4_9()))
+}
+
 /// The sampler that an experiment declares.
 pub fn from_spec(spec: &SamplerSpec) -> Box<dyn Sampler> {
     match spec.kind {
