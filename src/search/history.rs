@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::groups::{Groups, SubSpace};
-use super::ranking::Ranking;
+use super::ranking::{Merit, Ranking};
 use super::{Direction, Distribution, Trial, TrialState};
 
 /// Trials in order of number.
@@ -21,6 +21,7 @@ pub struct History {
     complete: Vec<u32>,
     running: Vec<u32>,
     finished: usize,
+    merits: Vec<Merit>,
     ranking: Ranking,
     groups: Groups,
 }
@@ -38,6 +39,8 @@ pub struct Column {
     pub order: Vec<u32>,
     /// Values in that order.
     pub sorted: Vec<f64>,
+    /// Indices into the first two, from the best complete or pruned trial to the worst.
+    pub best: Vec<u32>,
 }
 
 /// Values that complete trials reported at one step.
@@ -58,6 +61,7 @@ impl History {
             complete: Vec::new(),
             running: Vec::new(),
             finished: 0,
+            merits: Vec::new(),
             ranking: Ranking::default(),
             groups: Groups::default(),
         }
@@ -73,10 +77,18 @@ impl History {
     /// Adds the trial with the next larger number.
     pub fn push(&mut self, trial: Arc<Trial>) {
         let position = self.trials.len() as u32;
+        self.merits.push(Merit::new(&trial, self.direction()));
         if trial.counts() || trial.state == TrialState::Running {
             for param in &trial.params {
-                let column = self.columns.entry(param.name.clone());
-                column.or_insert_with(|| Column::new(&param.distribution)).push(position, param.internal);
+                if !self.columns.contains_key(&param.name) {
+                    self.columns.insert(param.name.clone(), Column::new(&param.distribution));
+                }
+                if let Some(column) = self.columns.get_mut(&param.name) {
+                    column.push(position, param.internal);
+                    if trial.counts() {
+                        column.rank(&self.merits);
+                    }
+                }
             }
         }
         match trial.state {
@@ -101,6 +113,7 @@ impl History {
     pub fn drop_running(&mut self) {
         while let Some(trial) = self.trials.pop_if(|t| t.state == TrialState::Running) {
             self.running.pop();
+            self.merits.pop();
             for param in &trial.params {
                 if let Some(column) = self.columns.get_mut(&param.name) {
                     column.pop();
@@ -168,7 +181,17 @@ impl History {
 impl Column {
     fn new(distribution: &Distribution) -> Self {
         let distribution = distribution.clone();
-        Column { distribution, positions: vec![], values: vec![], order: vec![], sorted: vec![] }
+        let (positions, values, order, sorted, best) = (vec![], vec![], vec![], vec![], vec![]);
+        Column { distribution, positions, values, order, sorted, best }
+    }
+
+    /// Puts the value that was added last in its place by merit; equal ones keep the order of numbers.
+    fn rank(&mut self, merits: &[Merit]) {
+        let of = |index: u32| merits[self.positions[index as usize] as usize];
+        let index = self.positions.len() as u32 - 1;
+        let own = of(index);
+        let rank = self.best.partition_point(|i| of(*i).compare(&own).is_le());
+        self.best.insert(rank, index);
     }
 
     fn push(&mut self, position: u32, internal: f64) {

@@ -163,6 +163,16 @@ in_bulk! {
 }
 
 in_bulk! {
+    /// Multiplies each weight by √(factor·exp(−½((x − mean)·inverse)²)).
+    multiply_roots, (x: f64, means: &[f64], inverses: &[f64], factors: &[f64], weights: &mut [f64]), {
+        for (((w, m), v), f) in weights.iter_mut().zip(means).zip(inverses).zip(factors) {
+            let z = (x - m) * v;
+            *w *= f.sqrt() * exp_one(-0.25 * z * z);
+        }
+    }
+}
+
+in_bulk! {
     /// Adds −½((x − mean)·inverse)² to every exponent.
     add_squares, (x: f64, means: &[f64], inverses: &[f64], exponents: &mut [f64]), {
         for ((e, m), v) in exponents.iter_mut().zip(means).zip(inverses) {

@@ -13,6 +13,31 @@ pub enum Constraints {
     MissingIsFeasible,
 }
 
+/// How good a trial is by the first objective: complete ones by value, then pruned ones, those that survived
+/// more steps first, then by their last report, then infeasible ones by how much they violate constraints.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Merit {
+    class: u8,
+    keys: [f64; 2],
+}
+
+impl Merit {
+    /// The merit of `trial`; of one that is neither complete nor pruned it means nothing.
+    pub(super) fn new(trial: &Trial, direction: Direction) -> Self {
+        let violation = trial.violation(0.0);
+        match trial.state {
+            _ if violation > 0.0 => Merit { class: 2, keys: [violation, 0.0] },
+            TrialState::Complete => Merit { class: 0, keys: [loss(trial, direction), 0.0] },
+            _ => Merit { class: 1, keys: survival(trial, direction) },
+        }
+    }
+
+    /// Less is better.
+    pub(super) fn compare(&self, other: &Self) -> std::cmp::Ordering {
+        self.class.cmp(&other.class).then_with(|| compare(&self.keys, &other.keys))
+    }
+}
+
 /// Trials by merit, for one objective, constraints left aside: complete ones by value, then pruned ones,
 /// those that survived more steps first, then by their last report; ties in order of number.
 #[derive(Debug, Clone, Default)]

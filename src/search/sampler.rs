@@ -4,6 +4,7 @@ use serde_json::Value;
 
 use super::random::RandomSampler;
 use super::tpe::{Tpe, TpeOptions};
+use super::sequential::{Agreement, Sequential};
 use super::{Distribution, History, Param};
 use crate::config::spec::{SamplerKind, SamplerSpec};
 use crate::rng;
@@ -26,6 +27,8 @@ pub trait Draws {
     fn startup(&mut self, name: &str) -> &mut dyn Uniform;
     /// Numbers for the model's proposal of `what`: a parameter's name, or `joint:` and several with commas.
     fn model(&mut self, what: &str) -> &mut dyn Uniform;
+    /// Numbers of `what` that all trials share, those with the same `index`.
+    fn shared(&mut self, index: u64, what: &str) -> &mut dyn Uniform;
 }
 
 /// The draws of a study: the stream (seed, `search`, trial, name), so that a proposal depends on nothing
@@ -54,6 +57,11 @@ impl Draws for KeyedDraws {
         self.open = rng::stream(self.seed, "search", &self.key, what);
         &mut self.open
     }
+
+    fn shared(&mut self, index: u64, what: &str) -> &mut dyn Uniform {
+        self.open = rng::stream(self.seed, "search.shared", &[index], what);
+        &mut self.open
+    }
 }
 
 /// A trial whose parameters are being proposed.
@@ -67,6 +75,8 @@ pub struct Proposal {
     pub params: Vec<Param>,
     /// Values proposed jointly before they were asked for; filled once by samplers that do so.
     pub joint: Option<Vec<Param>>,
+    /// What a sampler that proposes each value in the light of those before it keeps between them.
+    pub agreement: Option<Agreement>,
 }
 
 impl Proposal {
@@ -120,7 +130,7 @@ pub trait Sampler: Send + Sync {
 
 /// The sampler that is used where none is named.
 pub fn default() -> Box<dyn Sampler> {
-    Box::new(Tpe::new(TpeOptions::optuna_4_9()))
+    Box::new(Sequential)
 }
 
 /// The sampler that an experiment declares.
