@@ -6,7 +6,7 @@ use panotune::search::importance::{Fanova, Node, PedAnova, Regimes, Tree, normal
 use panotune::search::{History, Trial};
 use serde_json::Value;
 
-use super::support::{all_close, close, direction, each, number, numbers, space, trial};
+use super::support::{all_close, close, direction, each, number, numbers, say, space, trial};
 
 const BOTH: [&str; 2] = ["", "v5"];
 
@@ -46,7 +46,7 @@ fn ped_anova() {
             evaluations += 1;
         }
     });
-    println!("importance.json: {evaluations} evaluations by PED-ANOVA checked");
+    say(&format!("importance.json: {evaluations} evaluations by PED-ANOVA checked"));
 }
 
 fn tree(item: &Value) -> Tree {

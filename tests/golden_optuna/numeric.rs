@@ -5,7 +5,7 @@ use panotune::search::parzen::age_weights;
 use panotune::search::tpe::gamma;
 use panotune::search::truncnorm::{log_density, log_gauss_mass, log_ndtr, ppf};
 
-use super::support::{Twister, all_close, close, each, number, numbers, read};
+use super::support::{Twister, all_close, close, each, number, numbers, read, say};
 
 const BOTH: [&str; 2] = ["", "v5"];
 
@@ -39,7 +39,7 @@ fn weights_and_the_number_of_good_trials() {
             all_close(&age_weights(n.parse().unwrap()), &numbers(theirs), 1e-15, n);
         }
         table.iter().enumerate().for_each(|(n, k)| assert_eq!(gamma(n) as f64, *k, "gamma({n})"));
-        println!("{label}: {} of `weights`, {} of `gamma` checked", weights.len(), table.len());
+        say(&format!("{label}: {} of `weights`, {} of `gamma` checked", weights.len(), table.len()));
     }
 }
 
@@ -55,5 +55,5 @@ fn the_twister_is_numpy_s() {
     let mut ours = twister();
     let ranged = numbers(&rng["uniform_-5_10"]);
     ranged.iter().for_each(|x| assert_eq!(-5.0 + 15.0 * ours.uniform(), *x));
-    println!("numeric.json: {} of `rng` checked", theirs.len() + ranged.len());
+    say(&format!("numeric.json: {} of `rng` checked", theirs.len() + ranged.len()));
 }

@@ -15,10 +15,16 @@ pub fn each(name: &str, list: &str, versions: &[&str], mut check: impl FnMut(&Va
         let items = file[list].as_array().unwrap_or_else(|| panic!("{label} has no `{list}`"));
         assert!(!items.is_empty(), "{label} has no `{list}`");
         items.iter().for_each(|item| check(item, *version == "v5"));
-        println!("{label}: {} of `{list}` checked", items.len());
+        say(&format!("{label}: {} of `{list}` checked", items.len()));
         files += 1;
     }
     assert!(files > 0 || folder().1, "no file {name}");
+}
+
+/// Prints a line although the test passes: `println!` would be captured.
+pub fn say(line: &str) {
+    use std::io::Write;
+    writeln!(std::io::stderr(), "{line}").expect("standard error is open");
 }
 
 /// A file of vectors; `None` if an overriding folder lacks it.
@@ -27,7 +33,7 @@ pub fn read(label: &str) -> Option<Value> {
     let path = folder.join(label);
     if overriding && !path.exists() {
         assert!(folder.is_dir(), "PANOTUNE_GOLDEN_DIR names no folder: {}", folder.display());
-        println!("{label}: not in {}, left out", folder.display());
+        say(&format!("{label}: not in {}, left out", folder.display()));
         return None;
     }
     let text = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));

@@ -10,7 +10,7 @@ use panotune::search::{
 };
 use serde_json::Value;
 
-use super::support::{Twister, each, number};
+use super::support::{Twister, each, number, say};
 
 /// Optuna's two generators of one seed.
 struct Generators {
@@ -162,5 +162,5 @@ fn seeded_runs_are_repeated_trial_by_trial() {
             history.push(Arc::new(trial));
         }
     });
-    println!("trajectory.json: {proposals} proposals repeated");
+    say(&format!("trajectory.json: {proposals} proposals repeated"));
 }
