@@ -11,9 +11,7 @@ mod run_folder;
 mod shared_log;
 
 pub use artefact::{Artefact, ArtefactWriter, Cache};
-pub use file::{
-    AtomicFile, copy, create_dir, make, read, read_to_string, remove_dir, remove_file, write, write_json,
-};
+pub use file::{AtomicFile, copy, create_dir, make, read, read_to_string, remove_dir, remove_file, write, write_json};
 pub use hash::{Hash, Hasher, hash_bytes, hash_file, hash_json};
 pub use log::AppendLog;
 pub use run_folder::{Opened, RunFolder, SUMS};

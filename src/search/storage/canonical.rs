@@ -12,8 +12,9 @@ const LEFT_OUT: [&str; 2] = ["dashboard:", "artifacts:"];
 /// JSON lines: the study, then its trials by number.
 ///
 /// There are no times, no identities, no names of study or workers; parameters and attributes stand in order of
-/// their names, reports in order of their steps; every double is the shortest text that reads back the same, with
-/// Python's words for not-a-number and infinities. Notes and artefacts of the dashboard are left out.
+/// their names, reports in order of their steps; every double is the shortest text that reads back the same (zero
+/// without its sign), with Python's words for not-a-number and infinities. Notes and artefacts of the dashboard are
+/// left out.
 pub fn canonical(study: &StoredStudy) -> String {
     let mut out = String::from("{\"directions\":");
     write_list(&mut out, &study.directions, |out, d| write_string(out, direction_name(*d)));
@@ -27,13 +28,17 @@ pub fn canonical(study: &StoredStudy) -> String {
 fn write_trial(out: &mut String, trial: &StoredTrial) {
     out.push_str(&format!("{{\"number\":{},\"state\":\"{}\",\"values\":", trial.number, state_name(trial.state)));
     match &trial.values {
-        Some(values) => write_list(out, values, |out, x| write_number(out, *x)),
+        Some(values) => write_list(out, values, |out, x| write_double(out, *x)),
         None => out.push_str("null"),
     }
     let mut params: Vec<_> = trial.params.iter().collect();
     params.sort_by(|a, b| a.name.cmp(&b.name));
     out.push_str(",\"params\":");
-    write_object(out, params.iter().map(|p| (p.name.as_str(), p.value())), |out, value| write_value(out, &value));
+    write_object(
+        out,
+        params.iter().map(|p| (p.name.as_str(), p.distribution.to_value(p.internal + 0.0))),
+        |out, value| write_value(out, &value),
+    );
     out.push_str(",\"distributions\":");
     let distributions = params.iter().map(|p| (p.name.as_str(), distribution_json::write(&p.distribution)));
     write_object(out, distributions, |out, text| write_compact(out, Json::parse(&text).unwrap_or(Json::NULL), true));
@@ -41,12 +46,17 @@ fn write_trial(out: &mut String, trial: &StoredTrial) {
     let reports: Vec<_> = trial.intermediate.iter().collect();
     write_list(out, &reports, |out, (step, x)| {
         out.push_str(&format!("[{step},"));
-        write_number(out, **x);
+        write_double(out, **x);
         out.push(']');
     });
     write_attributes(out, "user_attrs", &trial.user_attrs);
     write_attributes(out, "system_attrs", &trial.system_attrs);
     out.push_str("}\n");
+}
+
+/// Databases do not keep the sign of zero, so it does not count.
+fn write_double(out: &mut String, x: f64) {
+    write_number(out, x + 0.0);
 }
 
 fn write_attributes(out: &mut String, name: &str, attributes: &Attributes) {

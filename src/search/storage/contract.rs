@@ -87,8 +87,13 @@ pub trait Storage {
     fn report(&mut self, trial: TrialKey, step: i64, value: f64) -> Result<(), StorageError>;
 
     /// Sets an attribute of an unfinished trial.
-    fn set_trial_attr(&mut self, trial: TrialKey, kind: AttrKind, key: &str, value: &JsonText)
-    -> Result<(), StorageError>;
+    fn set_trial_attr(
+        &mut self,
+        trial: TrialKey,
+        kind: AttrKind,
+        key: &str,
+        value: &JsonText,
+    ) -> Result<(), StorageError>;
 
     /// Sets the state, and the values if there are any. `false` if the trial was to be begun and is not waiting:
     /// another process was faster.

@@ -144,14 +144,16 @@ mod tests {
     #[test]
     fn texts_are_those_of_optuna() {
         let float = Distribution::float(0.0, 0.5, false, None).unwrap();
-        let text = r#"{"name": "FloatDistribution", "attributes": {"step": null, "low": 0.0, "high": 0.5, "log": false}}"#;
+        let text =
+            r#"{"name": "FloatDistribution", "attributes": {"step": null, "low": 0.0, "high": 0.5, "log": false}}"#;
         assert_eq!(write(&float), text);
         let int = Distribution::int(2, 12, false, 1).unwrap();
         let text = r#"{"name": "IntDistribution", "attributes": {"log": false, "step": 1, "low": 2, "high": 12}}"#;
         assert_eq!(write(&int), text);
         let choices = vec![json!("relu"), json!(null), json!(true), json!(2.5), json!(7), json!("日")];
         let list = Distribution::Categorical { choices };
-        let text = r#"{"name": "CategoricalDistribution", "attributes": {"choices": ["relu", null, true, 2.5, 7, "\u65e5"]}}"#;
+        let text =
+            r#"{"name": "CategoricalDistribution", "attributes": {"choices": ["relu", null, true, 2.5, 7, "\u65e5"]}}"#;
         assert_eq!(write(&list), text);
         for d in [float, int, list] {
             assert_eq!(read(&write(&d)), Ok(d));
@@ -160,7 +162,8 @@ mod tests {
 
     #[test]
     fn older_classes_are_read() {
-        let of = |class: &str, attributes: &str| read(&format!(r#"{{"name":"{class}","attributes":{{{attributes}}}}}"#));
+        let of =
+            |class: &str, attributes: &str| read(&format!(r#"{{"name":"{class}","attributes":{{{attributes}}}}}"#));
         let bounds = r#""low":1,"high":8"#;
         assert_eq!(of("UniformDistribution", bounds), Distribution::float(1.0, 8.0, false, None));
         assert_eq!(of("LogUniformDistribution", bounds), Distribution::float(1.0, 8.0, true, None));

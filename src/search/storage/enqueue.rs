@@ -26,11 +26,7 @@ pub fn parse_setting(text: &str) -> Result<(String, Value), String> {
 /// # Errors
 /// Nothing or the same parameter twice is set; no trial of the study has a parameter of that name, although there are
 /// trials with parameters; a value is outside the distribution that the parameter last had; or the storage failed.
-pub fn enqueue(
-    storage: &mut dyn Storage,
-    study: &str,
-    settings: &[(String, Value)],
-) -> Result<TrialKey, StorageError> {
+pub fn enqueue(storage: &mut dyn Storage, study: &str, settings: &[(String, Value)]) -> Result<TrialKey, StorageError> {
     let known = storage.load(study)?;
     for (k, (name, value)) in settings.iter().enumerate() {
         if settings[..k].iter().any(|(other, _)| other == name) {

@@ -91,6 +91,12 @@ pub enum StorageError {
         /// The nearest name, or what there is.
         hint: String,
     },
+    /// There is no study at all.
+    #[error("`{}` has no study yet", path.display())]
+    Empty {
+        /// Which file.
+        path: PathBuf,
+    },
     /// There are several studies, and none was named.
     #[error("`{}` has {} studies; choose one with `--study`: {}", path.display(), names.len(), names.join(", "))]
     SeveralStudies {

@@ -116,8 +116,8 @@ impl<'a> Json<'a> {
 
     /// The value as `serde_json` has it; `None` for what that cannot hold.
     pub fn to_value(self) -> Option<Value> {
-        let whole = self.0.starts_with(|c: char| c == '-' || c.is_ascii_digit())
-            && !self.0.contains(['.', 'e', 'E', 'I']);
+        let whole =
+            self.0.starts_with(|c: char| c == '-' || c.is_ascii_digit()) && !self.0.contains(['.', 'e', 'E', 'I']);
         if whole && self.0.parse::<i64>().is_err() && self.0.parse::<u64>().is_err() {
             return None;
         }

@@ -201,7 +201,8 @@ mod tests {
 
     #[test]
     fn what_is_not_json_is_refused_however_deep() {
-        for text in ["", "[1,]", "{\"a\":1,}", "{a:1}", "01", "1.", "+1", "\"", "\"\\x\"", "\"\n\"", "nul", "[", "1 2", "]"]
+        for text in
+            ["", "[1,]", "{\"a\":1,}", "{a:1}", "01", "1.", "+1", "\"", "\"\\x\"", "\"\n\"", "nul", "[", "1 2", "]"]
         {
             assert!(JsonText::parse(text).is_err(), "{text}");
         }

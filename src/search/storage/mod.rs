@@ -35,7 +35,7 @@ pub use journal::JournalStorage;
 pub use json::{Json, JsonError};
 pub use json_text::JsonText;
 pub use names::choose;
-pub use place::{open, open_read_only};
+pub use place::{load, open, open_read_only};
 pub use record::{Attributes, FIXED_PARAMS, StoredStudy, StoredTrial, attribute};
 pub use show::{TrialFormat, studies_json, studies_table, study_json, study_text, trials_text};
 pub use sqlite::SqliteStorage;

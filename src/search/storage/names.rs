@@ -37,11 +37,7 @@ pub fn choose(storage: &mut dyn Storage, name: Option<&str>) -> Result<String, S
         (Some(name), _) if names.iter().any(|n| n == name) => Ok(name.to_owned()),
         (Some(name), _) => Err(unknown_study(storage.path(), name, &names)),
         (None, [only]) => Ok(only.clone()),
-        (None, []) => Err(StorageError::NoStudy {
-            path: storage.path().to_owned(),
-            name: "*".into(),
-            hint: "; it has none".into(),
-        }),
+        (None, []) => Err(StorageError::Empty { path: storage.path().to_owned() }),
         (None, _) => Err(StorageError::SeveralStudies { path: storage.path().to_owned(), names }),
     }
 }

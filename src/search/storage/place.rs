@@ -6,6 +6,8 @@ use std::path::{Path, PathBuf};
 use super::contract::Storage;
 use super::error::StorageError;
 use super::journal::JournalStorage;
+use super::names::choose;
+use super::record::StoredStudy;
 use super::sqlite::{MAGIC, SqliteStorage};
 use crate::store;
 
@@ -90,4 +92,14 @@ pub fn open_read_only(path: &Path) -> Result<Box<dyn Storage>, StorageError> {
         // Reading a journal touches nothing.
         Kind::Journal => Box::new(JournalStorage::open(&file)?),
     })
+}
+
+/// The study of a database, a journal or a run's folder: the one of that name, or the only one.
+///
+/// # Errors
+/// There is none of that name; none was named and there is not exactly one; or what [`StorageError`] lists.
+pub fn load(path: &Path, study: Option<&str>) -> Result<StoredStudy, StorageError> {
+    let mut storage = open_read_only(path)?;
+    let name = choose(storage.as_mut(), study)?;
+    storage.load(&name)
 }

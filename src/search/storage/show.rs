@@ -154,7 +154,8 @@ fn cells(study: &StoredStudy, trials: &[&StoredTrial]) -> Vec<Vec<String>> {
     header.push("state".into());
     let row = |t: &&StoredTrial| {
         let mut row = vec![t.number.to_string()];
-        let value = |k: usize| t.values.as_ref().and_then(|v| v.get(k)).map_or_else(String::new, |x| plain(&double(*x)));
+        let value =
+            |k: usize| t.values.as_ref().and_then(|v| v.get(k)).map_or_else(String::new, |x| plain(&double(*x)));
         row.extend((0..objectives).map(value));
         row.extend([t.started, t.completed].map(|time| time.map_or_else(String::new, seconds)));
         row.push(duration(t).unwrap_or_default());

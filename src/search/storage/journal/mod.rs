@@ -253,9 +253,7 @@ impl Storage for JournalStorage {
 
     fn set_study_attr(&mut self, study: &str, kind: AttrKind, key: &str, value: &JsonText) -> Result<(), StorageError> {
         let values = one(key, value)?;
-        self.append(|journal| {
-            Ok((vec![Operation::StudyAttr { study: journal.study_id(study)?, kind, values }], ()))
-        })
+        self.append(|journal| Ok((vec![Operation::StudyAttr { study: journal.study_id(study)?, kind, values }], ())))
     }
 
     fn add_trial(&mut self, study: &str, trial: &StoredTrial) -> Result<TrialKey, StorageError> {

@@ -100,7 +100,9 @@ impl Reader {
         Ok(match fields.get("op_code", Json::whole)? {
             0 => Operation::CreateStudy { name: fields.text("study_name")?, directions: directions(&fields)? },
             1 => Operation::DeleteStudy { study: study()? },
-            2 => Operation::StudyAttr { study: study()?, kind: AttrKind::User, values: fields.attributes("user_attr")? },
+            2 => {
+                Operation::StudyAttr { study: study()?, kind: AttrKind::User, values: fields.attributes("user_attr")? }
+            }
             3 => {
                 let values = fields.attributes("system_attr")?;
                 Operation::StudyAttr { study: study()?, kind: AttrKind::System, values }
@@ -109,14 +111,19 @@ impl Reader {
             5 => {
                 let distribution = self.distribution(&fields.text("distribution")?)?;
                 let internal = fields.get("param_value_internal", Json::number)?;
-                Operation::SetParam { trial: trial()?, param: param(fields.text("param_name")?, internal, distribution)? }
+                Operation::SetParam {
+                    trial: trial()?,
+                    param: param(fields.text("param_name")?, internal, distribution)?,
+                }
             }
             6 => state_record(trial()?, &fields)?,
             7 => {
                 let (step, value) = (fields.get("step", Json::whole)?, fields.get("intermediate_value", Json::number)?);
                 Operation::Report { trial: trial()?, step, value }
             }
-            8 => Operation::TrialAttr { trial: trial()?, kind: AttrKind::User, values: fields.attributes("user_attr")? },
+            8 => {
+                Operation::TrialAttr { trial: trial()?, kind: AttrKind::User, values: fields.attributes("user_attr")? }
+            }
             9 => {
                 let values = fields.attributes("system_attr")?;
                 Operation::TrialAttr { trial: trial()?, kind: AttrKind::System, values }

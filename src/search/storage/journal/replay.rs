@@ -115,15 +115,13 @@ impl Replay {
     /// Why `operation` would change nothing, if so.
     pub fn refusal(&self, operation: &Operation) -> Option<Refusal> {
         match operation {
-            Operation::CreateStudy { name, .. } => {
-                self.study_id(name).map(|_| Refusal::StudyExists(name.clone()))
-            }
+            Operation::CreateStudy { name, .. } => self.study_id(name).map(|_| Refusal::StudyExists(name.clone())),
             Operation::DeleteStudy { study }
             | Operation::StudyAttr { study, .. }
             | Operation::CreateTrial { study, .. } => self.study(*study).is_none().then_some(Refusal::NoStudy),
-            Operation::SetParam { trial, param } => self.closed(*trial).or_else(|| {
-                self.incompatible(self.study_of(*trial)?, param)
-            }),
+            Operation::SetParam { trial, param } => {
+                self.closed(*trial).or_else(|| self.incompatible(self.study_of(*trial)?, param))
+            }
             Operation::SetState { trial, state, .. } => self.closed(*trial).or_else(|| {
                 let waiting = self.trial(*trial)?.trial.state == TrialState::Waiting;
                 (*state == TrialState::Running && !waiting).then_some(Refusal::NotWaiting)

@@ -1,6 +1,5 @@
 //! What only journals have.
 
-use std::io::Write;
 use std::time::Duration;
 
 use super::*;
@@ -14,7 +13,7 @@ fn journal(text: &str) -> (tempfile::TempDir, std::path::PathBuf) {
 }
 
 fn append(path: &Path, text: &str) {
-    std::fs::OpenOptions::new().append(true).open(path).unwrap().write_all(text.as_bytes()).unwrap();
+    store::write(path, &[store::read(path).unwrap().as_slice(), text.as_bytes()].concat()).unwrap();
 }
 
 fn load(text: &str) -> StoredStudy {
@@ -23,7 +22,8 @@ fn load(text: &str) -> StoredStudy {
 }
 
 const STUDY: &str = "{\"op_code\":0,\"worker_id\":\"w\",\"study_name\":\"s\",\"directions\":[1]}\n";
-const TRIAL: &str = "{\"op_code\":4,\"worker_id\":\"w\",\"study_id\":0,\"datetime_start\":\"2026-11-22T04:32:59.615288\"}\n";
+const TRIAL: &str =
+    "{\"op_code\":4,\"worker_id\":\"w\",\"study_id\":0,\"datetime_start\":\"2026-11-22T04:32:59.615288\"}\n";
 
 fn set_param(trial: u32, class: &str, attributes: &str, value: &str) -> String {
     let distribution = JsonText::from(format!("{{\"name\":\"{class}\",\"attributes\":{{{attributes}}}}}").as_str());
@@ -41,7 +41,7 @@ fn records_that_come_too_late_change_nothing() {
     let text = [
         STUDY,
         "{\"op_code\":0,\"worker_id\":\"v\",\"study_name\":\"s\",\"directions\":[2,2]}\n", // the name is taken
-        "{\"op_code\":4,\"worker_id\":\"v\",\"study_id\":5,\"datetime_start\":null}\n", // no such study, no identity
+        "{\"op_code\":4,\"worker_id\":\"v\",\"study_id\":5,\"datetime_start\":null}\n",    // no such study, no identity
         TRIAL,
         "{\"op_code\":6,\"worker_id\":\"v\",\"trial_id\":0,\"state\":0,\"values\":null,\
          \"datetime_start\":\"2027-01-01T00:00:00.000000\"}\n", // running already

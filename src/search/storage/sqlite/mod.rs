@@ -1,6 +1,7 @@
 //! SQLite databases with the tables of Optuna 4.9.
 //!
-//! Times are naive local time, as 4.9 has them; 5.0 keeps UTC in the same columns, without a mark.
+//! Times are naive local time, as 4.9 has them; 5.0 keeps UTC in the same columns, without a mark. SQLite does not
+//! keep the sign of zero.
 
 mod open;
 mod read;

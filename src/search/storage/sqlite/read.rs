@@ -6,7 +6,6 @@ use jiff::civil::DateTime;
 use rusqlite::types::ValueRef;
 use rusqlite::{Connection, OptionalExtension, Row};
 
-use super::Fault;
 use super::super::super::{Direction, Distribution, Param};
 use super::super::codes::{direction_of_name, state_of_name};
 use super::super::contract::StudySummary;
@@ -14,6 +13,7 @@ use super::super::distribution_json;
 use super::super::json_text::JsonText;
 use super::super::record::{Attributes, StoredStudy, StoredTrial};
 use super::super::time;
+use super::Fault;
 
 fn damaged<T>(why: impl Into<String>) -> Result<T, Fault> {
     Err(Fault::Damaged(why.into()))
@@ -35,7 +35,12 @@ pub fn studies(connection: &Connection) -> Result<Vec<StudySummary>, Fault> {
     let mut studies = Vec::new();
     while let Some(row) = rows.next()? {
         let directions = directions(connection, row.get(0)?)?;
-        studies.push(StudySummary { name: row.get(1)?, directions, trials: row.get::<_, u32>(2)? as usize, started: datetime(row, 3)? });
+        studies.push(StudySummary {
+            name: row.get(1)?,
+            directions,
+            trials: row.get::<_, u32>(2)? as usize,
+            started: datetime(row, 3)?,
+        });
     }
     Ok(studies)
 }

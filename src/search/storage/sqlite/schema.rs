@@ -4,15 +4,14 @@ use std::path::Path;
 
 use rusqlite::{Connection, OptionalExtension};
 
-use super::Fault;
 use super::super::error::StorageError;
+use super::Fault;
 
 /// Revision of the tables.
 const REVISION: &str = "v3.2.0.a";
 /// Earlier revisions, which `optuna storage upgrade` brings up to date.
-const EARLIER: [&str; 9] = [
-    "v0.9.0.a", "v1.2.0.a", "v1.3.0.a", "v2.4.0.a", "v2.6.0.a", "v3.0.0.a", "v3.0.0.b", "v3.0.0.c", "v3.0.0.d",
-];
+const EARLIER: [&str; 9] =
+    ["v0.9.0.a", "v1.2.0.a", "v1.3.0.a", "v2.4.0.a", "v2.6.0.a", "v3.0.0.a", "v3.0.0.b", "v3.0.0.c", "v3.0.0.d"];
 /// Version of the tables as Optuna counted before it had revisions; 12 for good.
 const SCHEMA_VERSION: i64 = 12;
 /// Version of our own tables.

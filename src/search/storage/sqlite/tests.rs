@@ -50,7 +50,7 @@ fn doubles_that_sql_lacks_stand_as_words() {
 fn an_existing_empty_file_becomes_a_database() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("x.db");
-    std::fs::File::options().create_new(true).write(true).open(&path).unwrap();
+    crate::store::write(&path, b"").unwrap();
     SqliteStorage::create(&path).unwrap().create_study("s", &[Direction::Minimize]).unwrap();
     assert_eq!(SqliteStorage::create(&path).unwrap().studies().unwrap().len(), 1);
 }

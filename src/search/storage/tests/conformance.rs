@@ -144,7 +144,9 @@ fn two_openers_see_each_other_and_share_the_queue() {
 fn workers_pop_every_waiting_trial_once() {
     each(|storage, path| {
         storage.create_study("s", &[Direction::Minimize]).unwrap();
-        (0..24).for_each(|_| drop(storage.enqueue("s", &[]).unwrap()));
+        for _ in 0..24 {
+            storage.enqueue("s", &[]).unwrap();
+        }
         let mut popped: Vec<u32> = std::thread::scope(|scope| {
             let worker = || {
                 let mut own = open(path).unwrap();
@@ -162,7 +164,10 @@ fn workers_pop_every_waiting_trial_once() {
 fn names_are_unique_and_a_wrong_one_gets_the_nearest() {
     each(|storage, _| {
         storage.create_study("inception", &[Direction::Minimize]).unwrap();
-        let again = storage.add_studies(&[StoredStudy::new("new", &[Direction::Minimize]), StoredStudy::new("inception", &[Direction::Minimize])]);
+        let again = storage.add_studies(&[
+            StoredStudy::new("new", &[Direction::Minimize]),
+            StoredStudy::new("inception", &[Direction::Minimize]),
+        ]);
         assert!(matches!(again, Err(StorageError::StudyExists { .. })));
         assert_eq!(storage.studies().unwrap().len(), 1, "all or nothing");
         let error = storage.load("inceptoin").unwrap_err().to_string();
@@ -198,7 +203,15 @@ fn an_inconsistent_trial_is_not_stored() {
         let mut early = StoredTrial::new(0, TrialState::Running);
         early.completed = Some(super::super::time::now());
         let failed = StoredTrial { state: TrialState::Fail, ..complete(Some(vec![1.0])) };
-        let bad = [complete(None), complete(Some(vec![f64::NAN])), complete(Some(vec![1.0, 2.0])), twice, outside, early, failed];
+        let bad = [
+            complete(None),
+            complete(Some(vec![f64::NAN])),
+            complete(Some(vec![1.0, 2.0])),
+            twice,
+            outside,
+            early,
+            failed,
+        ];
         for trial in bad {
             assert!(matches!(storage.add_trial("s", &trial), Err(StorageError::Unfit { .. })), "{trial:?}");
         }

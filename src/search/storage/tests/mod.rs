@@ -60,19 +60,30 @@ fn awkward() -> StoredStudy {
     let mut first = StoredTrial::new(0, TrialState::Complete);
     first.values = Some(vec![f64::INFINITY]);
     first.params = vec![
-        float("z", -1.0, 1.0, -0.0),
-        choice("mixed", &["relu".into(), serde_json::Value::Null, true.into(), 2.5.into(), 7.into(), "日本".into()], 5.0),
+        float("z", -1.0, 1.0, -1e-17),
+        choice(
+            "mixed",
+            &["relu".into(), serde_json::Value::Null, true.into(), 2.5.into(), 7.into(), "日本".into()],
+            5.0,
+        ),
         Param { name: "n".into(), distribution: Distribution::int(1, 1024, true, 1).unwrap(), internal: 37.0 },
-        Param { name: "q".into(), distribution: Distribution::float(0.0, 1.0, false, Some(0.1)).unwrap(), internal: 0.1 + 0.2 },
+        Param {
+            name: "q".into(),
+            distribution: Distribution::float(0.0, 1.0, false, Some(0.1)).unwrap(),
+            internal: 0.1 + 0.2,
+        },
     ];
-    first.intermediate =
-        [(0, f64::NAN), (-3, f64::INFINITY), (7, f64::NEG_INFINITY), (i64::MAX, 1e-308), (8, -0.0)].into();
+    first.intermediate = [(0, f64::NAN), (-3, f64::INFINITY), (7, f64::NEG_INFINITY), (i64::MAX, 1e-308)].into();
     first.user_attrs = vec![("k".into(), attr("{\"a\": [1, 2.50, null], \"b\": {}}")), ("".into(), attr("\"\""))];
     first.system_attrs = vec![("constraints".into(), attr("[-1.0, 0.5]"))];
     first.started = super::time::read("2026-11-22T04:32:59.615288");
     first.completed = super::time::read("2026-11-22T04:33:00.000000");
     let mut pruned = StoredTrial::new(1, TrialState::Pruned);
-    pruned.params = vec![choice("mixed", &["relu".into(), serde_json::Value::Null, true.into(), 2.5.into(), 7.into(), "日本".into()], 1.0)];
+    pruned.params = vec![choice(
+        "mixed",
+        &["relu".into(), serde_json::Value::Null, true.into(), 2.5.into(), 7.into(), "日本".into()],
+        1.0,
+    )];
     (pruned.started, pruned.completed) = (first.started, first.completed);
     let mut failed = StoredTrial::new(2, TrialState::Fail);
     (failed.started, failed.completed) = (first.started, first.completed);
@@ -89,7 +100,8 @@ fn two_objectives(name: &str) -> StoredStudy {
     let mut study = StoredStudy::new(name, &[Direction::Minimize, Direction::Maximize]);
     let mut trial = StoredTrial::new(0, TrialState::Complete);
     trial.values = Some(vec![-1e308, f64::NEG_INFINITY]);
-    (trial.started, trial.completed) = (super::time::read("2026-11-22 04:32:59"), super::time::read("2026-11-22 04:32:59"));
+    (trial.started, trial.completed) =
+        (super::time::read("2026-11-22 04:32:59"), super::time::read("2026-11-22 04:32:59"));
     study.trials.push(trial);
     study
 }

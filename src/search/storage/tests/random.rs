@@ -18,8 +18,10 @@ fn json() -> impl Strategy<Value = JsonText> {
     ];
     leaf.prop_recursive(3, 12, 4, |inner| {
         prop::collection::vec((".{0,4}", inner), 0..4).prop_map(|members| {
-            let text: Vec<_> =
-                members.iter().map(|(k, v)| format!("{}: {}", JsonText::from(k.as_str()).as_text(), v.as_text())).collect();
+            let text: Vec<_> = members
+                .iter()
+                .map(|(k, v)| format!("{}: {}", JsonText::from(k.as_str()).as_text(), v.as_text()))
+                .collect();
             JsonText::parse(&format!("{{{}}}", text.join(", "))).unwrap()
         })
     })
@@ -36,7 +38,7 @@ fn attributes() -> impl Strategy<Value = super::super::Attributes> {
 /// One of a few parameters, of the same kind in all trials.
 fn param() -> impl Strategy<Value = Param> {
     (0usize..4, 0.0..1.0f64, -1e300..0.0f64, 0.0..1e300f64).prop_map(|(which, u, low, high)| match which {
-        0 => float("real ü", low, high, low + u * (high - low)),
+        0 => float("real ü", low, high, low + u * (high - low) + 0.0),
         1 => {
             let n = (u * 99.0).floor();
             Param { name: "whole".into(), distribution: Distribution::int(0, 100, false, 1).unwrap(), internal: n }
@@ -53,22 +55,17 @@ fn param() -> impl Strategy<Value = Param> {
 fn trial() -> impl Strategy<Value = StoredTrial> {
     let reports = prop::collection::btree_map(any::<i64>(), any::<f64>(), 0..5);
     let times = (1_600_000_000_000_000i64..1_900_000_000_000_000, 0i64..9_000_000_000);
-    (0usize..5, any::<f64>(), prop::collection::vec(param(), 0..4), reports, attributes(), attributes(), times).prop_map(
-        |(state, value, mut params, reports, user_attrs, system_attrs, (begun, took))| {
-            let states = [
-                TrialState::Running,
-                TrialState::Complete,
-                TrialState::Pruned,
-                TrialState::Fail,
-                TrialState::Waiting,
-            ];
+    (0usize..5, any::<f64>(), prop::collection::vec(param(), 0..4), reports, attributes(), attributes(), times)
+        .prop_map(|(state, value, mut params, reports, user_attrs, system_attrs, (begun, took))| {
+            let states =
+                [TrialState::Running, TrialState::Complete, TrialState::Pruned, TrialState::Fail, TrialState::Waiting];
             let mut trial = StoredTrial::new(0, states[state]);
             let mut names = std::collections::BTreeSet::new();
             params.retain(|p| names.insert(p.name.clone()));
             trial.params = params;
-            let value = if value.is_nan() { 0.0 } else { value };
+            let value = if value.is_nan() { 0.0 } else { value + 0.0 };
             trial.values = matches!(states[state], TrialState::Complete | TrialState::Pruned).then(|| vec![value]);
-            let quiet = |x: f64| if x.is_nan() { f64::NAN } else { x };
+            let quiet = |x: f64| if x.is_nan() { f64::NAN } else { x + 0.0 };
             trial.intermediate = reports.into_iter().map(|(k, x)| (k, quiet(x))).collect::<BTreeMap<_, _>>();
             (trial.user_attrs, trial.system_attrs) = (user_attrs, system_attrs);
             let at = |micros| jiff::Timestamp::from_microsecond(micros).unwrap().to_string();
@@ -76,8 +73,7 @@ fn trial() -> impl Strategy<Value = StoredTrial> {
             trial.started = (states[state] != TrialState::Waiting).then(|| at(begun)).flatten();
             trial.completed = trial.finished().then(|| at(begun + took)).flatten();
             trial
-        },
-    )
+        })
 }
 
 proptest! {
@@ -97,7 +93,9 @@ proptest! {
             // The same, trial by trial.
             let mut grown = (maker.create)(&folder.path().join(format!("2{}", maker.name)));
             grown.create_study(&name, &study.directions).unwrap();
-            study.trials.iter().for_each(|t| drop(grown.add_trial(&name, t).unwrap()));
+            for trial in &study.trials {
+                grown.add_trial(&name, trial).unwrap();
+            }
             let grown = StoredStudy { user_attrs: study.user_attrs.clone(), ..grown.load(&name).unwrap() };
             assert_same(&grown, &study);
         }
