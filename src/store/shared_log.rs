@@ -35,11 +35,6 @@ impl SharedLog {
         Ok(Self { path, timeout })
     }
 
-    /// The file, as an absolute path.
-    pub fn path(&self) -> &Path {
-        &self.path
-    }
-
     /// Bytes from `offset` to the end, an unfinished last line included.
     pub fn read_from(&self, offset: u64) -> Result<Vec<u8>, Error> {
         let fail = |e| Error::io("read", &self.path, e);

@@ -202,3 +202,32 @@ fn the_dashboard_shows_our_studies() {
         assert_eq!(answer["trials"], Value::from(shown.collect::<Vec<_>>()), "{name}");
     }
 }
+
+#[test]
+fn both_programs_write_at_the_same_time() {
+    let Some(python) = python() else { return };
+    for name in FILES {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(name);
+        let mut storage = create(&path);
+        fill(storage.as_mut());
+        let theirs = std::thread::scope(|scope| {
+            let peer = scope.spawn(|| ask(&python, &["continue", path.to_str().unwrap(), "ours", "12"]));
+            while !peer.is_finished() {
+                let key = storage.begin_trial("ours").unwrap();
+                storage.report(key, 0, f64::NAN).unwrap();
+                storage.set_state(key, TrialState::Complete, Some(&[1.0])).unwrap();
+                std::thread::sleep(std::time::Duration::from_millis(20));
+            }
+            peer.join().unwrap()
+        });
+        let study = storage.load("ours").unwrap();
+        let theirs: Vec<u64> = theirs.as_array().unwrap().iter().map(|n| n.as_u64().unwrap()).collect();
+        assert_eq!(theirs.len(), 12);
+        let continued = |t: &&StoredTrial| t.number >= 12 && t.param("lr").is_some();
+        let found: Vec<u64> = study.trials.iter().filter(continued).map(|t| u64::from(t.number)).collect();
+        assert_eq!(found, theirs, "{name}: neither lost nor doubled");
+        assert!(study.trials.iter().all(StoredTrial::finished));
+        assert_eq!(ask(&python, &["dump", path.to_str().unwrap(), "ours"]), printed(&study), "{name}");
+    }
+}

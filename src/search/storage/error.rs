@@ -1,5 +1,6 @@
 //! What can go wrong with a storage.
 
+use std::io::ErrorKind;
 use std::path::PathBuf;
 
 use crate::error::{Class, Classify};
@@ -80,7 +81,7 @@ pub enum StorageError {
     },
     /// The disk failed.
     #[error(transparent)]
-    Store(#[from] store::Error),
+    Store(store::Error),
     /// No study has that name.
     #[error("`{}` has no study `{name}`{hint}", path.display())]
     NoStudy {
@@ -137,6 +138,18 @@ pub enum StorageError {
         /// What is wrong with it.
         why: String,
     },
+}
+
+impl From<store::Error> for StorageError {
+    fn from(error: store::Error) -> Self {
+        match error {
+            store::Error::Busy { path, seconds } => StorageError::Busy { path, seconds },
+            store::Error::Io { path, source, .. } if source.kind() == ErrorKind::AlreadyExists => {
+                StorageError::Exists { path }
+            }
+            other => StorageError::Store(other),
+        }
+    }
 }
 
 impl Classify for StorageError {

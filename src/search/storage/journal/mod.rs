@@ -7,7 +7,7 @@ mod replay;
 #[cfg(test)]
 mod tests;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use super::super::{Param, TrialState};
@@ -28,6 +28,7 @@ pub const TIMEOUT: Duration = Duration::from_secs(60);
 #[derive(Debug)]
 pub struct JournalStorage {
     log: SharedLog,
+    path: PathBuf,
     reader: Reader,
     replay: Replay,
     worker: String,
@@ -52,6 +53,7 @@ impl JournalStorage {
         }
         let mut journal = JournalStorage {
             log: SharedLog::open(path, timeout)?,
+            path: path.to_owned(),
             reader: Reader::default(),
             replay: Replay::default(),
             worker: format!("panotune-{}", store::unique_word()),
@@ -64,13 +66,16 @@ impl JournalStorage {
 
     /// Opens the journal, or makes it if the file does not exist.
     pub fn create(path: &Path) -> Result<Self, StorageError> {
-        if !path.exists() {
-            store::write(path, b"")?;
+        match Self::new_with(path, &[]) {
+            Ok(()) | Err(StorageError::Exists { .. }) => Self::open(path),
+            Err(error) => Err(error),
         }
-        Self::open(path)
     }
 
-    /// Makes a journal with `studies`, whole or not at all; an existing file is replaced.
+    /// Makes a journal with `studies`, whole or not at all.
+    ///
+    /// # Errors
+    /// The file exists, two studies have one name, or the disk failed.
     pub fn new_with(path: &Path, studies: &[StoredStudy]) -> Result<(), StorageError> {
         let mut names: Vec<_> = studies.iter().map(|s| &s.name).collect();
         names.sort();
@@ -78,7 +83,8 @@ impl JournalStorage {
             return Err(StorageError::StudyExists { path: path.to_owned(), name: pair[0].clone() });
         }
         let operations = operations(studies, 0)?;
-        Ok(store::write(path, written(&operations, "panotune").as_bytes())?)
+        let lines = written(&operations, "panotune");
+        store::make(path, |temporary| Ok(store::write(temporary, lines.as_bytes())?))
     }
 
     /// Replays what was added since the last time. A last line without end, or one that cannot be read, is left
@@ -105,7 +111,7 @@ impl JournalStorage {
         match held_back {
             // Nothing was ever read: this is another kind of file.
             Some(why) if self.lines == 0 => {
-                Err(StorageError::NotAStorage { path: self.log.path().to_owned(), why: format!("line 1: {why}") })
+                Err(StorageError::NotAStorage { path: self.path.clone(), why: format!("line 1: {why}") })
             }
             Some(why) if !rest.is_empty() => Err(self.damaged(why)),
             _ => Ok(()),
@@ -119,7 +125,7 @@ impl JournalStorage {
 
     fn damaged(&self, why: String) -> StorageError {
         let why = format!("line {}: {why}", self.lines + 1);
-        StorageError::Damaged { path: self.log.path().to_owned(), why }
+        StorageError::Damaged { path: self.path.clone(), why }
     }
 
     /// Appends what `plan` makes of the present state, which nobody else can change meanwhile.
@@ -128,7 +134,7 @@ impl JournalStorage {
         plan: impl FnOnce(&Self) -> Result<(Vec<Operation>, T), StorageError>,
     ) -> Result<T, StorageError> {
         let log = self.log.clone();
-        let guard = log.lock().map_err(busy)?;
+        let guard = log.lock()?;
         self.sync()?;
         let (operations, done) = plan(self)?;
         if !operations.is_empty() {
@@ -156,7 +162,7 @@ impl JournalStorage {
     }
 
     fn refused(&self, refusal: Refusal, trial: Option<TrialKey>) -> StorageError {
-        let path = self.log.path().to_owned();
+        let path = self.path.clone();
         let number = trial.map_or(0, |t| t.number);
         match refusal {
             Refusal::StudyExists(name) => StorageError::StudyExists { path, name },
@@ -171,19 +177,12 @@ impl JournalStorage {
     fn study_id(&self, name: &str) -> Result<i64, StorageError> {
         self.replay.study_id(name).ok_or_else(|| {
             let names: Vec<String> = self.replay.studies().map(|(_, n)| n.to_owned()).collect();
-            unknown_study(self.log.path(), name, &names)
+            unknown_study(&self.path, name, &names)
         })
     }
 
     fn directions_of(&self, trial: TrialKey) -> usize {
         self.replay.study_of(trial.id).map_or(0, |study| self.replay.directions(study).len())
-    }
-}
-
-fn busy(error: store::Error) -> StorageError {
-    match error {
-        store::Error::Busy { path, seconds } => StorageError::Busy { path, seconds },
-        other => other.into(),
     }
 }
 
@@ -216,7 +215,7 @@ fn one(key: &str, value: &JsonText) -> Result<Attributes, StorageError> {
 
 impl Storage for JournalStorage {
     fn path(&self) -> &Path {
-        self.log.path()
+        &self.path
     }
 
     fn studies(&mut self) -> Result<Vec<StudySummary>, StorageError> {
@@ -233,7 +232,7 @@ impl Storage for JournalStorage {
     fn load(&mut self, study: &str) -> Result<StoredStudy, StorageError> {
         self.sync()?;
         let id = self.study_id(study)?;
-        self.replay.load(id).ok_or_else(|| unknown_study(self.log.path(), study, &[]))
+        self.replay.load(id).ok_or_else(|| unknown_study(&self.path, study, &[]))
     }
 
     fn add_studies(&mut self, studies: &[StoredStudy]) -> Result<(), StorageError> {

@@ -120,6 +120,7 @@ fn a_template_of_optuna_is_read() {
     assert!(trial.values == Some(vec![0.01]) && trial.intermediate[&5].is_nan() && trial.state == TrialState::Complete);
     // What we write of it reads the same.
     let (_folder, path) = journal("");
+    let path = path.with_extension("journal");
     JournalStorage::new_with(&path, std::slice::from_ref(&study)).unwrap();
     assert_eq!(format!("{:?}", JournalStorage::open(&path).unwrap().load("s").unwrap()), format!("{study:?}"));
 }

@@ -47,16 +47,18 @@ impl SqliteStorage {
         }
     }
 
-    /// Opens the database, or makes it if the file does not exist or is empty.
+    /// Opens the database, or makes it if the file does not exist. Several processes may do so at once.
     pub fn create(path: &Path) -> Result<Self, StorageError> {
-        if path.metadata().is_ok_and(|m| m.len() > 0) {
-            return Self::open(path);
+        match Self::new_with(path, &[]) {
+            Ok(()) | Err(StorageError::Exists { .. }) => Self::open(path),
+            Err(error) => Err(error),
         }
-        Self::new_with(path, &[])?;
-        Self::open(path)
     }
 
-    /// Makes a database with `studies`, whole or not at all; an existing file is replaced.
+    /// Makes a database with `studies`, whole or not at all.
+    ///
+    /// # Errors
+    /// The file exists, two studies have one name, or the disk failed.
     pub fn new_with(path: &Path, studies: &[StoredStudy]) -> Result<(), StorageError> {
         store::make(path, |temporary| {
             let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_CREATE;

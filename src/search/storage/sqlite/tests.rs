@@ -47,10 +47,17 @@ fn doubles_that_sql_lacks_stand_as_words() {
 }
 
 #[test]
-fn an_existing_empty_file_becomes_a_database() {
+fn a_database_is_made_once_however_many_begin() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("x.db");
-    crate::store::write(&path, b"").unwrap();
-    SqliteStorage::create(&path).unwrap().create_study("s", &[Direction::Minimize]).unwrap();
-    assert_eq!(SqliteStorage::create(&path).unwrap().studies().unwrap().len(), 1);
+    std::thread::scope(|scope| {
+        for k in 0..4 {
+            let path = &path;
+            scope.spawn(move || {
+                SqliteStorage::create(path).unwrap().create_study(&format!("s{k}"), &[Direction::Minimize]).unwrap();
+            });
+        }
+    });
+    assert_eq!(SqliteStorage::create(&path).unwrap().studies().unwrap().len(), 4);
+    assert!(matches!(SqliteStorage::new_with(&path, &[]), Err(StorageError::Exists { .. })));
 }

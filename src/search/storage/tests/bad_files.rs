@@ -91,6 +91,7 @@ fn other_schemas_are_named() {
     let folder = tempfile::tempdir().unwrap();
     let with = |sql: &str| {
         let path = folder.path().join("x.db");
+        store::remove_file(&path).unwrap();
         SqliteStorage::new_with(&path, &[awkward()]).unwrap();
         rusqlite::Connection::open(&path).unwrap().execute_batch(sql).unwrap();
         look(&path)
