@@ -13,6 +13,7 @@ use std::time::Duration;
 use super::super::{Param, TrialState};
 use super::contract::{AttrKind, Storage, StudySummary, TrialKey};
 use super::error::StorageError;
+use super::json::Json;
 use super::json_text::JsonText;
 use super::names::unknown_study;
 use super::record::{Attributes, StoredStudy, StoredTrial, is_finished};
@@ -105,6 +106,8 @@ impl JournalStorage {
                     self.bytes += line.len() as u64;
                     self.lines += 1;
                 }
+                // Whole, but no record: nobody is still writing it.
+                Err(why) if self.lines > 0 && is_json(line) => return Err(self.damaged(why)),
                 Err(why) => held_back = Some(why),
             }
         }
@@ -184,6 +187,10 @@ impl JournalStorage {
     fn directions_of(&self, trial: TrialKey) -> usize {
         self.replay.study_of(trial.id).map_or(0, |study| self.replay.directions(study).len())
     }
+}
+
+fn is_json(line: &[u8]) -> bool {
+    std::str::from_utf8(line).is_ok_and(|text| Json::parse(text).is_ok())
 }
 
 fn written(operations: &[Operation], worker: &str) -> String {

@@ -108,6 +108,13 @@ fn a_broken_last_line_is_held_back_and_an_error_once_another_follows() {
 }
 
 #[test]
+fn an_unknown_operation_is_an_error_even_at_the_end() {
+    let (_folder, path) = journal(&[STUDY, "{\"op_code\":11,\"worker_id\":\"w\"}\n"].concat());
+    let error = JournalStorage::open(&path).unwrap_err().to_string();
+    assert!(error.contains("line 2: the operation 11 is unknown"), "{error}");
+}
+
+#[test]
 fn a_template_of_optuna_is_read() {
     let template = "{\"op_code\":4,\"worker_id\":\"w\",\"study_id\":0,\"datetime_start\":\"2026-11-22T04:33:00.783517\",\
         \"state\":1,\"value\":0.01,\"values\":null,\"datetime_complete\":\"2026-11-22T04:33:00.783517\",\

@@ -102,8 +102,8 @@ fn other_schemas_are_named() {
     assert!(matches!(&error, StorageError::UnknownSchema { found, .. } if found == "v9.0.0.a"), "{error}");
     assert!(matches!(with("UPDATE version_info SET schema_version = 13"), Err(StorageError::UnknownSchema { .. })));
     assert!(matches!(with("UPDATE panotune_meta SET value = '2'"), Err(StorageError::UnknownSchema { .. })));
-    assert!(matches!(with("DROP TABLE trials"), Err(StorageError::NotAStorage { .. })));
-    assert!(matches!(with("DROP TABLE trial_values"), Err(StorageError::Damaged { .. })));
+    assert!(matches!(with("PRAGMA foreign_keys = OFF; DROP TABLE trials"), Err(StorageError::NotAStorage { .. })));
+    assert!(matches!(with("PRAGMA foreign_keys = OFF; DROP TABLE trial_values"), Err(StorageError::Damaged { .. })));
     assert!(matches!(with("UPDATE trials SET state = 'DONE'"), Err(StorageError::Damaged { .. })));
     assert!(matches!(with("UPDATE trials SET number = 7 WHERE number = 1"), Err(StorageError::Damaged { .. })));
     // What Optuna does not mind.
@@ -142,4 +142,17 @@ fn a_database_opened_for_reading_is_not_written() {
     let mut reader = SqliteStorage::open_read_only(&path).unwrap();
     assert!(matches!(reader.begin_trial("s"), Err(StorageError::ReadOnly { .. })));
     assert_same(&reader.load("s").unwrap(), &two_objectives("s"));
+}
+
+#[test]
+fn opening_a_locked_database_is_an_error_after_the_timeout() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("x.db");
+    std::fs::copy(golden(FILES[0]), &path).unwrap();
+    let other = rusqlite::Connection::open(&path).unwrap();
+    other.execute_batch("BEGIN EXCLUSIVE").unwrap();
+    let refused = SqliteStorage::open_within(&path, Duration::from_millis(20));
+    assert!(matches!(refused, Err(StorageError::Busy { .. })), "{refused:?}");
+    other.execute_batch("ROLLBACK").unwrap();
+    assert!(SqliteStorage::open_within(&path, Duration::from_millis(20)).is_ok());
 }
