@@ -20,6 +20,7 @@ const GRACE: Duration = Duration::from_secs(30);
 pub struct SharedLog {
     path: PathBuf,
     timeout: Duration,
+    grace: Duration,
 }
 
 /// The right to append, given up when dropped.
@@ -32,7 +33,7 @@ impl SharedLog {
     /// The log `path`, whose lock is waited for at most `timeout`.
     pub fn open(path: &Path, timeout: Duration) -> Result<Self, Error> {
         let path = path.canonicalize().map_err(|e| Error::io("open", path, e))?;
-        Ok(Self { path, timeout })
+        Ok(Self { path, timeout, grace: GRACE })
     }
 
     /// Bytes from `offset` to the end, an unfinished last line included.
@@ -62,7 +63,7 @@ impl SharedLog {
             }
             if self.changed() != seen.0 {
                 seen = (self.changed(), Instant::now());
-            } else if seen.1.elapsed() > GRACE {
+            } else if seen.1.elapsed() > self.grace {
                 self.release();
                 seen.1 = Instant::now();
                 continue;
@@ -185,6 +186,18 @@ mod tests {
         assert!(matches!(log.lock(), Err(Error::Busy { .. })));
         drop(guard);
         assert!(log.lock().is_ok());
+    }
+
+    #[test]
+    fn a_lock_left_by_a_dead_process_is_taken_away() {
+        let (folder, mut log) = log(b"a\n", 60_000);
+        std::mem::forget(log.lock().unwrap());
+        log.grace = Duration::from_millis(30);
+        let begun = Instant::now();
+        log.lock().unwrap().append(b"b\n").unwrap();
+        assert!(begun.elapsed() >= log.grace);
+        assert_eq!(log.read_from(0).unwrap(), b"a\nb\n");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
     }
 
     #[test]
