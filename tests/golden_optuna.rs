@@ -12,6 +12,8 @@ mod model;
 mod numeric;
 #[path = "golden_optuna/prune.rs"]
 mod prune;
+#[path = "golden_optuna/storage.rs"]
+mod storage;
 #[path = "golden_optuna/support.rs"]
 mod support;
 #[path = "golden_optuna/trajectory.rs"]

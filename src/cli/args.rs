@@ -65,6 +65,8 @@ pub enum Command {
     Config(ConfigArgs),
     /// Install and list trained backbone weights.
     Weights(WeightsArgs),
+    /// Look into, convert and add to studies in files of Optuna's formats.
+    Study(StudyArgs),
 }
 
 /// An experiment file and what changes it.
@@ -178,4 +180,102 @@ pub enum WeightsCommand {
     },
     /// List the descriptions, and which of them are installed.
     List,
+}
+
+/// `panotune study`.
+#[derive(Debug, Clone, Args)]
+pub struct StudyArgs {
+    /// What to do with a study.
+    #[command(subcommand)]
+    pub command: StudyCommand,
+}
+
+/// Where a study is.
+#[derive(Debug, Clone, Args)]
+pub struct StudyPlace {
+    /// SQLite database, journal, or a run's folder.
+    pub db: PathBuf,
+    /// Which study; may be left out if there is only one.
+    #[arg(long, value_name = "NAME")]
+    pub study: Option<String>,
+}
+
+/// How trials are shown.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum TrialsFormatArg {
+    /// Columns for people.
+    Table,
+    /// One JSON list.
+    Json,
+    /// Comma-separated values with a column for each parameter.
+    Csv,
+}
+
+/// `panotune study …`.
+#[derive(Debug, Clone, Subcommand)]
+pub enum StudyCommand {
+    /// List the studies of a file.
+    List {
+        /// SQLite database, journal, or a run's folder.
+        db: PathBuf,
+    },
+    /// Show a study without its trials.
+    Show {
+        /// Which study.
+        #[command(flatten)]
+        place: StudyPlace,
+    },
+    /// List a study's trials.
+    Trials {
+        /// Which study.
+        #[command(flatten)]
+        place: StudyPlace,
+        /// How they are shown.
+        #[arg(long, value_enum, default_value = "table")]
+        format: TrialsFormatArg,
+    },
+    /// Show the best trial, or with several objectives those that no other one beats.
+    Best {
+        /// Which study.
+        #[command(flatten)]
+        place: StudyPlace,
+    },
+    /// Write a study to a new file, or as text by which studies are compared.
+    Export {
+        /// Which study.
+        #[command(flatten)]
+        place: ExportPlace,
+        /// Write text without times and names, the same for equal studies, to FILE or standard output.
+        #[arg(long)]
+        canonical: bool,
+    },
+    /// Add all studies of a file to another, which is made if it does not exist.
+    Import {
+        /// SQLite database, journal, or a run's folder.
+        file: PathBuf,
+        /// Database or journal to add to; the kind of a new one is that of its ending, as in `export`.
+        db: PathBuf,
+    },
+    /// Ask for a trial with given values; parameters not named are proposed as usual.
+    Enqueue {
+        /// Which study.
+        #[command(flatten)]
+        place: StudyPlace,
+        /// A parameter's value, e.g. `n_layers=3`; may be given several times.
+        #[arg(long = "set", value_name = "NAME=VALUE", required = true)]
+        sets: Vec<String>,
+    },
+}
+
+/// What is exported, and where to.
+#[derive(Debug, Clone, Args)]
+pub struct ExportPlace {
+    /// SQLite database, journal, or a run's folder.
+    pub db: PathBuf,
+    /// New file: `.db` or `.sqlite3` a database, `.log` or `.journal` a journal.
+    #[arg(required_unless_present = "canonical")]
+    pub file: Option<PathBuf>,
+    /// Which study; may be left out if there is only one.
+    #[arg(long, value_name = "NAME")]
+    pub study: Option<String>,
 }

@@ -9,6 +9,7 @@ mod interrupt;
 mod plan;
 mod progress;
 mod run;
+mod study;
 mod weights;
 
 pub use args::Cli;
@@ -71,6 +72,7 @@ fn dispatch(cli: &Cli) -> Result<(), Failure> {
         Command::Plan(args) => plan::plan(&cli.global, args),
         Command::Config(args) => config::config(args),
         Command::Weights(args) => weights::weights(&cli.global, args),
+        Command::Study(args) => study::study(&cli.global, args),
     }
 }
 

@@ -96,6 +96,25 @@ pub fn copy(source: &Path, target: &Path) -> Result<(), Error> {
     file.commit()
 }
 
+/// Makes the new file `target` by means of `work`, which is given the path of an empty temporary file in the same
+/// folder; the file appears under its name when `work` has succeeded, and leaves nothing when it has not. A file that
+/// is there already stays as it is, and is an error of the kind `AlreadyExists`.
+pub fn make<T, E: From<Error>>(target: &Path, work: impl FnOnce(&Path) -> Result<T, E>) -> Result<T, E> {
+    let folder = folder_of(target);
+    create_dir(folder)?;
+    let fail = |e| Error::io("write", target, e);
+    let temporary = tempfile::Builder::new().prefix(PARTIAL).tempfile_in(folder).map_err(fail)?;
+    if target.exists() {
+        return Err(fail(std::io::ErrorKind::AlreadyExists.into()).into());
+    }
+    let done = work(temporary.path())?;
+    let file = File::open(temporary.path()).map_err(fail)?;
+    make_readable(&file).and_then(|()| file.sync_all()).map_err(fail)?;
+    temporary.persist_noclobber(target).map_err(|e| fail(e.error))?;
+    sync_dir(folder)?;
+    Ok(done)
+}
+
 /// Makes `folder` and the folders above it.
 pub fn create_dir(folder: &Path) -> Result<(), Error> {
     std::fs::create_dir_all(folder).map_err(|e| Error::io("create", folder, e))
@@ -139,6 +158,23 @@ mod tests {
         file.write_all(b"half").unwrap();
         drop(file);
         assert_eq!(std::fs::read_dir(target.parent().unwrap()).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn a_file_made_elsewhere_appears_only_if_that_succeeded() {
+        let folder = tempfile::tempdir().unwrap();
+        let target = folder.path().join("x");
+        let failed = make(&target, |path| {
+            std::fs::OpenOptions::new().write(true).open(path).and_then(|mut f| f.write_all(b"half")).unwrap();
+            Err::<(), _>(Error::io("write", path, std::io::ErrorKind::StorageFull.into()))
+        });
+        assert!(failed.is_err());
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+        make::<_, Error>(&target, |_| Ok(())).unwrap();
+        assert_eq!(read(&target).unwrap(), b"");
+        let again = make::<_, Error>(&target, |_| Ok(()));
+        assert!(matches!(again, Err(Error::Io { source, .. }) if source.kind() == std::io::ErrorKind::AlreadyExists));
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
     }
 
     #[test]

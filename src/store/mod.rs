@@ -8,12 +8,14 @@ mod file;
 mod hash;
 mod log;
 mod run_folder;
+mod shared_log;
 
 pub use artefact::{Artefact, ArtefactWriter, Cache};
-pub use file::{AtomicFile, copy, create_dir, read, read_to_string, remove_dir, remove_file, write, write_json};
+pub use file::{AtomicFile, copy, create_dir, make, read, read_to_string, remove_dir, remove_file, write, write_json};
 pub use hash::{Hash, Hasher, hash_bytes, hash_file, hash_json};
 pub use log::AppendLog;
 pub use run_folder::{Opened, RunFolder, SUMS};
+pub use shared_log::{SharedLog, SharedLogGuard, unique_word};
 
 use std::path::PathBuf;
 
@@ -39,6 +41,14 @@ pub enum Error {
         path: PathBuf,
         /// How that was seen.
         reason: String,
+    },
+    /// Another process is writing to the file, and has not ended in time.
+    #[error("`{}` is in use: another process has held its lock for {seconds} s", path.display())]
+    Busy {
+        /// Which file.
+        path: PathBuf,
+        /// How long was waited.
+        seconds: f64,
     },
     /// A value does not serialise; a bug.
     #[error("cannot serialise `{}`: {source}", path.display())]

@@ -40,7 +40,7 @@ pub fn read(label: &str) -> Option<Value> {
     Some(serde_json::from_str(&text).unwrap_or_else(|e| panic!("{}: {e}", path.display())))
 }
 
-fn folder() -> (PathBuf, bool) {
+pub fn folder() -> (PathBuf, bool) {
     match std::env::var_os("PANOTUNE_GOLDEN_DIR") {
         Some(folder) => (folder.into(), true),
         None => (Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/optuna"), false),

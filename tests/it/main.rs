@@ -6,8 +6,10 @@
 mod architecture;
 mod bad_input;
 mod command_line;
+mod optuna_storage;
 mod panoramas;
 mod pins;
 mod real_data;
 mod reruns;
+mod study_commands;
 mod support;

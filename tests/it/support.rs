@@ -69,3 +69,27 @@ pub fn development_data() -> Option<PathBuf> {
     }
     found
 }
+
+/// Whether `PANOTUNE_REQUIRE`, a list with commas, says that `what` is there, so that no test may be skipped for
+/// want of it.
+pub fn required(what: &str) -> bool {
+    std::env::var("PANOTUNE_REQUIRE").is_ok_and(|list| list.split(',').any(|item| item.trim() == what))
+}
+
+/// Says that a test is skipped for want of `what`; the test fails if that is required.
+pub fn skipped(what: &str, why: &str) {
+    assert!(!required(what), "PANOTUNE_REQUIRE names `{what}`, but {why}");
+    eprintln!("skipped: {why}");
+}
+
+/// Python with Optuna, as `.ci/python` installs it or `PANOTUNE_PYTHON` names it, or a message that the test is
+/// skipped.
+pub fn python() -> Option<PathBuf> {
+    let named = std::env::var_os("PANOTUNE_PYTHON").map(PathBuf::from);
+    let python = named.unwrap_or_else(|| root().join("target/python/bin/python"));
+    if !python.exists() {
+        skipped("python", &format!("there is no {}; `.ci/python` installs it", python.display()));
+        return None;
+    }
+    Some(python)
+}

@@ -3,16 +3,26 @@
 use std::collections::BTreeMap;
 
 use jiff::civil::DateTime;
+use serde_json::Value;
 
-use super::super::{Direction, Param, TrialState};
-
-/// A JSON value as it was written. Python writes `NaN`, `Infinity` and `-Infinity` as bare words and whole
-/// numbers of any size, which a strict parser refuses; the text keeps them all.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct JsonText(pub String);
+use super::super::{Direction, Param, Trial, TrialState};
+use super::json_text::{JsonText, write_object};
 
 /// Attributes of a study or trial, in the order in which they were first set.
 pub type Attributes = Vec<(String, JsonText)>;
+
+/// The value of the attribute `key`.
+pub fn attribute<'a>(attributes: &'a Attributes, key: &str) -> Option<&'a JsonText> {
+    attributes.iter().find(|(k, _)| k == key).map(|(_, value)| value)
+}
+
+/// Sets the attribute `key`, in its old place if it has one.
+pub(super) fn set_attribute(attributes: &mut Attributes, key: &str, value: JsonText) {
+    match attributes.iter_mut().find(|(k, _)| k == key) {
+        Some((_, old)) => *old = value,
+        None => attributes.push((key.to_owned(), value)),
+    }
+}
 
 /// A study with its trials.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,6 +37,24 @@ pub struct StoredStudy {
     pub system_attrs: Attributes,
     /// Trials; the one at position k has number k.
     pub trials: Vec<StoredTrial>,
+}
+
+impl StoredStudy {
+    /// A study without trials.
+    pub fn new(name: &str, directions: &[Direction]) -> Self {
+        StoredStudy {
+            name: name.to_owned(),
+            directions: directions.to_vec(),
+            user_attrs: Attributes::new(),
+            system_attrs: Attributes::new(),
+            trials: Vec::new(),
+        }
+    }
+
+    /// When its first trial began.
+    pub fn started(&self) -> Option<DateTime> {
+        self.trials.iter().filter_map(|t| t.started).min()
+    }
 }
 
 /// A trial of any state.
@@ -50,4 +78,71 @@ pub struct StoredTrial {
     pub started: Option<DateTime>,
     /// When it ended, local time with microseconds.
     pub completed: Option<DateTime>,
+}
+
+impl StoredTrial {
+    /// A trial of nothing but a number and a state.
+    pub fn new(number: u32, state: TrialState) -> Self {
+        StoredTrial {
+            number,
+            state,
+            values: None,
+            params: Vec::new(),
+            intermediate: BTreeMap::new(),
+            user_attrs: Attributes::new(),
+            system_attrs: Attributes::new(),
+            started: None,
+            completed: None,
+        }
+    }
+
+    /// A trial to be evaluated with the given values, as `Study.enqueue_trial` of Optuna makes it.
+    pub fn enqueued(fixed: &[(String, Value)]) -> Self {
+        let mut text = String::new();
+        write_object(&mut text, fixed.iter().map(|(k, v)| (k.as_str(), v)), super::json_text::write_value);
+        let mut trial = StoredTrial::new(0, TrialState::Waiting);
+        trial.system_attrs.extend(JsonText::parse(&text).ok().map(|values| (FIXED_PARAMS.to_owned(), values)));
+        trial
+    }
+
+    /// The parameter called `name`, if the trial has it.
+    pub fn param(&self, name: &str) -> Option<&Param> {
+        self.params.iter().find(|p| p.name == name)
+    }
+
+    /// Whether it is complete, pruned or failed, and so never changes again.
+    pub fn finished(&self) -> bool {
+        is_finished(self.state)
+    }
+
+    /// Values of its constraints, above 0 where violated; `None` if none were given.
+    pub fn constraints(&self) -> Option<Vec<f64>> {
+        if let Some(list) = attribute(&self.system_attrs, "constraints") {
+            return list.as_f64_list();
+        }
+        let named = self.system_attrs.iter().filter(|(key, _)| key.starts_with("constraints:"));
+        let values: Vec<f64> = named.filter_map(|(_, value)| value.as_f64()).collect();
+        (!values.is_empty()).then_some(values)
+    }
+
+    /// The trial as samplers, importance and plots see it, with the value of objective `objective`. Reports at
+    /// negative steps are left out.
+    pub fn to_trial(&self, objective: usize) -> Trial {
+        let mut trial = Trial::running(self.number, self.params.clone());
+        trial.state = self.state;
+        trial.value = self.values.as_ref().and_then(|v| v.get(objective)).copied();
+        let reports = self.intermediate.iter().filter_map(|(step, x)| Some((u64::try_from(*step).ok()?, *x)));
+        trial.intermediate = reports.collect();
+        trial.constraints = self.constraints();
+        let rung = |k| attribute(&self.system_attrs, &format!("completed_rung_{k}")).and_then(JsonText::as_f64);
+        trial.rungs = (0..).map_while(rung).collect();
+        trial
+    }
+}
+
+/// The system attribute that holds the values of an enqueued trial.
+pub const FIXED_PARAMS: &str = "fixed_params";
+
+pub(super) fn is_finished(state: TrialState) -> bool {
+    matches!(state, TrialState::Complete | TrialState::Pruned | TrialState::Fail)
 }
