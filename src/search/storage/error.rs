@@ -155,10 +155,7 @@ impl From<store::Error> for StorageError {
 impl Classify for StorageError {
     fn class(&self) -> Class {
         match self {
-            StorageError::Busy { .. }
-            | StorageError::ReadOnly { .. }
-            | StorageError::Sqlite { .. }
-            | StorageError::Store(_) => Class::Run,
+            StorageError::Sqlite { .. } | StorageError::Store(_) => Class::Run,
             _ => Class::Input,
         }
     }

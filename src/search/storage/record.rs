@@ -125,12 +125,19 @@ impl StoredTrial {
         (!values.is_empty()).then_some(values)
     }
 
-    /// The trial as samplers, importance and plots see it, with the value of objective `objective`. Reports at
-    /// negative steps are left out.
+    /// The trial with the value of objective `objective` alone.
     pub fn to_trial(&self, objective: usize) -> Trial {
+        let mut trial = self.to_record();
+        trial.values = trial.values.get(objective).copied().into_iter().collect();
+        trial
+    }
+
+    /// The trial as samplers, pruners and importance see it. Reports at negative steps are left out.
+    pub fn to_record(&self) -> Trial {
         let mut trial = Trial::running(self.number, self.params.clone());
         trial.state = self.state;
-        trial.value = self.values.as_ref().and_then(|v| v.get(objective)).copied();
+        trial.values = self.values.clone().unwrap_or_default();
+        trial.reason = attribute(&self.system_attrs, REASON).and_then(|r| r.as_str().map(ToOwned::to_owned));
         let reports = self.intermediate.iter().filter_map(|(step, x)| Some((u64::try_from(*step).ok()?, *x)));
         trial.intermediate = reports.collect();
         trial.constraints = self.constraints();
@@ -139,6 +146,9 @@ impl StoredTrial {
         trial
     }
 }
+
+/// The system attribute that says why a trial failed.
+pub const REASON: &str = "panotune:reason";
 
 /// The system attribute that holds the values of an enqueued trial.
 pub const FIXED_PARAMS: &str = "fixed_params";

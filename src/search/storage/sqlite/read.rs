@@ -50,14 +50,19 @@ pub fn load(connection: &Connection, id: i64, name: &str) -> Result<StoredStudy,
     let mut study = StoredStudy::new(name, &directions(connection, id)?);
     study.user_attrs = study_attributes(connection, "study_user_attributes", id)?;
     study.system_attrs = study_attributes(connection, "study_system_attributes", id)?;
-    let mut trials = Trials::read(connection, id)?;
+    study.trials = trials_from(connection, id, 0)?;
+    Ok(study)
+}
+
+/// Trials of a study from number `first` on.
+pub fn trials_from(connection: &Connection, id: i64, first: u32) -> Result<Vec<StoredTrial>, Fault> {
+    let mut trials = Trials::read(connection, id, first)?;
     trials.params(connection, id)?;
-    trials.values(connection, id, study.directions.len())?;
+    trials.values(connection, id, directions(connection, id)?.len())?;
     trials.reports(connection, id)?;
     trials.attributes(connection, id, "trial_user_attributes", |t| &mut t.user_attrs)?;
     trials.attributes(connection, id, "trial_system_attributes", |t| &mut t.system_attrs)?;
-    study.trials = trials.list;
-    Ok(study)
+    Ok(trials.list)
 }
 
 /// Directions of a study's objectives.
@@ -86,30 +91,32 @@ fn study_attributes(connection: &Connection, table: &str, id: i64) -> Result<Att
     Ok(attributes)
 }
 
-/// Trials of one study by identity.
+/// Trials of one study by identity, from one number on.
 struct Trials {
+    first: u32,
     list: Vec<StoredTrial>,
     places: BTreeMap<i64, usize>,
 }
 
 impl Trials {
-    fn read(connection: &Connection, study: i64) -> Result<Self, Fault> {
+    fn read(connection: &Connection, study: i64, first: u32) -> Result<Self, Fault> {
         let mut statement = connection.prepare(
             "SELECT trial_id, number, state, datetime_start, datetime_complete FROM trials
-             WHERE study_id = ?1 ORDER BY trial_id",
+             WHERE study_id = ?1 AND (?2 = 0 OR number >= ?2) ORDER BY trial_id",
         )?;
-        let mut rows = statement.query([study])?;
-        let mut trials = Trials { list: Vec::new(), places: BTreeMap::new() };
+        let mut rows = statement.query((study, first))?;
+        let mut trials = Trials { first, list: Vec::new(), places: BTreeMap::new() };
         while let Some(row) = rows.next()? {
             let place = trials.list.len();
             let number: Option<i64> = row.get(1)?;
-            if number.is_some_and(|n| n != place as i64) {
+            let expected = first + place as u32;
+            if number.is_some_and(|n| n != i64::from(expected)) {
                 return damaged("the numbers of trials have gaps or repeat");
             }
             let Some(state) = state_of_name(text(row, 2)?) else {
                 return damaged(format!("the state `{}` is unknown", text(row, 2)?));
             };
-            let mut trial = StoredTrial::new(place as u32, state);
+            let mut trial = StoredTrial::new(expected, state);
             (trial.started, trial.completed) = (datetime(row, 3)?, datetime(row, 4)?);
             trials.places.insert(row.get(0)?, place);
             trials.list.push(trial);
@@ -127,9 +134,9 @@ impl Trials {
     ) -> Result<(), Fault> {
         let mut statement = connection.prepare(&format!(
             "SELECT x.trial_id, {columns} FROM {table} x JOIN trials t ON t.trial_id = x.trial_id
-             WHERE t.study_id = ?1 ORDER BY x.{order}"
+             WHERE t.study_id = ?1 AND (?2 = 0 OR t.number >= ?2) ORDER BY x.{order}"
         ))?;
-        let mut rows = statement.query([study])?;
+        let mut rows = statement.query((study, self.first))?;
         while let Some(row) = rows.next()? {
             let place = self.places.get(&row.get(0)?);
             if let Some(trial) = place.and_then(|p| self.list.get_mut(*p)) {

@@ -63,6 +63,15 @@ CREATE INDEX ix_trials_study_id ON trials (study_id);
 const OWN_TABLES: &str =
     "CREATE TABLE panotune_meta (key TEXT NOT NULL, value TEXT NOT NULL, PRIMARY KEY (key)) WITHOUT ROWID;";
 
+/// Which worker evaluates which trial; made when the first worker comes.
+const CLAIMS: &str = "CREATE TABLE IF NOT EXISTS panotune_claims (study_id INTEGER NOT NULL, number INTEGER NOT NULL,
+    worker TEXT NOT NULL, PRIMARY KEY (study_id, number)) WITHOUT ROWID;";
+
+/// Makes the table of claims, unless it is there.
+pub fn create_claims(connection: &Connection) -> Result<(), Fault> {
+    Ok(connection.execute_batch(CLAIMS)?)
+}
+
 /// Makes all tables in an empty database.
 pub fn create(connection: &Connection) -> Result<(), Fault> {
     connection.execute_batch(TABLES)?;
