@@ -1,0 +1,86 @@
+//! Panels over pairs of parameters.
+
+use super::panels::{LABELS, Layout, across, borders, heading, upward};
+use super::parameters::{Axis, Chosen};
+use super::rows::Rows;
+use super::{PlotError, StudyPlot};
+use crate::figures::axes::Panel;
+use crate::figures::drawing::{Anchor, Drawing, Type};
+use crate::figures::style::{MARGIN, SMALL};
+use crate::figures::text;
+
+/// Panels shown.
+pub const PANELS: usize = 6;
+/// Room for labels of vertical axes.
+const LEFT: f64 = 34.0;
+
+/// Two parameters: the horizontal and the vertical axis.
+pub type Pair<'a> = (&'a Axis, &'a Axis);
+
+/// Pairs of the chosen parameters that at least `needed` trials with a value have both; of more than
+/// `limit`, the first. Also how many found no room.
+pub fn pairs<'c>(
+    plot: StudyPlot,
+    rows: &Rows,
+    chosen: &'c Chosen,
+    needed: usize,
+    limit: usize,
+) -> Result<(Vec<Pair<'c>>, usize), PlotError> {
+    if chosen.axes.len() < 2 {
+        return Err(PlotError::TooFewParameters { plot, found: chosen.axes.len() });
+    }
+    let both = |(x, y): &Pair| {
+        let has = |axis: &Axis, row: &super::rows::Row| axis.of(row.trial).is_some();
+        rows.scored().filter(|(row, _)| has(x, row) && has(y, row)).count()
+    };
+    let axes = &chosen.axes;
+    let all = (1..axes.len()).flat_map(|j| (0..j).map(move |i| (&axes[i], &axes[j])));
+    let counted: Vec<(Pair, usize)> = all.map(|pair| (pair, both(&pair))).collect();
+    let mut pairs: Vec<Pair> = counted.iter().filter(|(_, n)| *n >= needed).map(|(pair, _)| *pair).collect();
+    if pairs.is_empty() {
+        let found = counted.iter().map(|(_, n)| *n).max().unwrap_or(0);
+        let what = "with a finite value and two of the parameters".into();
+        return Err(PlotError::TooFewTrials { plot, needed, what, found });
+    }
+    let left_out = pairs.len().saturating_sub(limit);
+    pairs.truncate(limit);
+    Ok((pairs, left_out))
+}
+
+/// Where the panels of so many pairs stand.
+pub fn layout(pairs: &[Pair]) -> Layout {
+    let rows = if pairs.iter().any(|(x, _)| x.choices().is_some()) { 2.0 } else { 1.0 };
+    Layout {
+        left: LEFT,
+        both: true,
+        height: if pairs.len() == 1 { 140.0 } else { 70.0 },
+        below: rows * LABELS + 17.0,
+        top: MARGIN,
+    }
+}
+
+/// The plot of the `i`-th pair.
+pub fn panel(layout: &Layout, pairs: &[Pair], i: usize) -> Panel {
+    let (at, size) = layout.cell(i, pairs.len());
+    let (x, y) = pairs[i];
+    Panel { at, size, x: x.scale, y: y.scale }
+}
+
+/// Ticks and names of a panel; the grid only where no surface covers it.
+pub fn frame(d: &mut Drawing, panel: &Panel, (x, y): Pair, grid: bool) {
+    upward(d, panel, y, LEFT, grid);
+    across(d, panel, x, grid);
+    borders(d, panel);
+    heading(d, panel, panel.at.0 - LEFT, &y.name);
+    let rows = if x.choices().is_some() { 2.0 } else { 1.0 };
+    let at = (panel.at.0 + panel.size.0, panel.at.1 + panel.size.1 + (rows + 1.0) * LABELS);
+    d.text(at, text::shorten(&x.name, panel.size.0 + LEFT, SMALL, true), Type::BOLD.at(Anchor::End));
+}
+
+/// A sentence about pairs that found no room, with a space before it; empty if all did.
+pub fn note(left_out: usize) -> String {
+    match left_out {
+        0 => String::new(),
+        n => format!(" {n} more pair{} not shown.", if n == 1 { "" } else { "s" }),
+    }
+}

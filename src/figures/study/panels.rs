@@ -1,0 +1,213 @@
+//! Small panels: their frames, ticks of parameters, colour bars and signs.
+
+use super::parameters::Axis;
+use crate::figures::axes::{Panel, Scale};
+use crate::figures::drawing::{Anchor, Drawing, Point, Shape, Stroke, Type};
+use crate::figures::style::{BEST, GRID, INK, MARGIN, MUTED, Mark, PAPER, SLATE, SMALL, WIDTH, ramp, tint};
+use crate::figures::text;
+
+/// Width between the borders of a figure.
+pub const INNER: f64 = WIDTH - 2.0 * MARGIN;
+/// Points shown in a panel; of more, every n-th.
+pub const POINTS: usize = 1000;
+/// Room between panels.
+const GAP: f64 = 11.0;
+/// Room above a panel for its heading.
+const HEAD: f64 = 12.0;
+/// Height of a row of tick labels.
+pub const LABELS: f64 = 9.5;
+
+/// Where panels stand, in one column or two.
+#[derive(Debug, Clone, Copy)]
+pub struct Layout {
+    /// Room to the left of a column for labels.
+    pub left: f64,
+    /// Whether the second column has labels of its own.
+    pub both: bool,
+    /// Height of a plot.
+    pub height: f64,
+    /// Room below it.
+    pub below: f64,
+    /// Upper border of the first row.
+    pub top: f64,
+}
+
+impl Layout {
+    /// Upper left corner and size of the `i`-th of `count` plots.
+    pub fn cell(&self, i: usize, count: usize) -> (Point, Point) {
+        let columns = count.min(2);
+        let rooms = if self.both { columns as f64 * self.left } else { self.left };
+        let width = (INNER - 2.0 - rooms - (columns - 1) as f64 * GAP) / columns as f64;
+        let step = width + GAP + if self.both { self.left } else { 0.0 };
+        let x = MARGIN + self.left + (i % columns) as f64 * step;
+        let y = self.top + HEAD + (i / columns) as f64 * (HEAD + self.height + self.below);
+        ((x, y), (width, self.height))
+    }
+
+    /// Lower border of `count` panels.
+    pub fn end(&self, count: usize) -> f64 {
+        self.top + count.div_ceil(count.clamp(1, 2)) as f64 * (HEAD + self.height + self.below)
+    }
+}
+
+/// The name over a panel, shortened to `room` from `x` on.
+pub fn heading(d: &mut Drawing, panel: &Panel, x: f64, name: &str) {
+    let room = panel.at.0 + panel.size.0 - x + GAP - 5.0;
+    d.text((x, panel.at.1 - 4.0), text::shorten(name, room, SMALL, true), Type::BOLD);
+}
+
+/// Lines to the left of and below a panel.
+pub fn borders(d: &mut Drawing, panel: &Panel) {
+    let (left, bottom) = (panel.at.0, panel.at.1 + panel.size.1);
+    d.line(&[panel.at, (left, bottom), (left + panel.size.0, bottom)], Stroke::solid(MUTED, 0.7));
+}
+
+/// Ticks of a parameter below a panel, with a grid unless the panel is filled; choices take two rows of labels
+/// if they need them.
+pub fn across(d: &mut Drawing, panel: &Panel, axis: &Axis, grid: bool) {
+    let bottom = panel.at.1 + panel.size.1;
+    let ticks = axis.ticks(((panel.size.0 / 26.0) as usize).clamp(2, 8));
+    for (value, _) in &ticks {
+        let x = panel.point(*value, panel.y.low).0;
+        let (top, colour) = if grid { (panel.at.1, GRID) } else { (bottom, MUTED) };
+        d.line(&[(x, top), (x, bottom + 2.0)], Stroke::solid(colour, 0.6));
+    }
+    let places: Vec<(f64, String)> =
+        ticks.into_iter().map(|(v, label)| (panel.point(v, panel.y.low).0, label)).collect();
+    match axis.choices() {
+        Some(count) => choice_labels(d, panel, &places, count),
+        None => number_labels(d, panel, bottom + LABELS, &places),
+    }
+}
+
+/// Labels under their places, leaving out those that would cover the one before.
+pub fn number_labels(d: &mut Drawing, panel: &Panel, baseline: f64, places: &[(f64, String)]) {
+    let (mut free_from, limit) = (panel.at.0 - 7.0, (panel.at.0 + panel.size.0 + 5.0).min(d.width - 1.0));
+    for (x, label) in places {
+        let half = Type::PLAIN.width(label) / 2.0;
+        let x = x.clamp(panel.at.0 - 7.0 + half, (limit - half).max(panel.at.0));
+        if x - half >= free_from {
+            d.text((x, baseline), label.clone(), Type::PLAIN.at(Anchor::Middle));
+            free_from = x + half + 4.0;
+        }
+    }
+}
+
+/// Names of choices in one row, or alternating between two rows if they are long.
+fn choice_labels(d: &mut Drawing, panel: &Panel, places: &[(f64, String)], count: usize) {
+    let cell = panel.size.0 / count as f64;
+    let fits = |rows: f64| places.iter().all(|(_, label)| Type::PLAIN.width(label) <= rows * cell - 3.0);
+    let rows = if fits(1.0) { 1 } else { 2 };
+    // Labels under 9 points wide say nothing: every second, third, … is left out.
+    let every = (9.0 / (rows as f64 * cell - 3.0).max(0.5)).ceil().max(1.0) as usize;
+    let every = if every > 1 { (13.0 / (rows as f64 * cell)).ceil() as usize } else { 1 };
+    let room = (rows * every) as f64 * cell - 3.0;
+    for (i, (x, label)) in places.iter().step_by(every).enumerate() {
+        let label = text::shorten(label, room, SMALL, false);
+        let half = Type::PLAIN.width(&label) / 2.0;
+        let baseline = panel.at.1 + panel.size.1 + LABELS + (i % rows) as f64 * (LABELS - 0.5);
+        let x = x.clamp((panel.at.0 - 6.0 + half).min(*x), (panel.at.0 + panel.size.0 + 5.0 - half).max(panel.at.0));
+        d.text((x, baseline), label, Type::PLAIN.at(Anchor::Middle));
+    }
+}
+
+/// Ticks of a parameter to the left of a panel; labels are at most `room` wide.
+pub fn upward(d: &mut Drawing, panel: &Panel, axis: &Axis, room: f64, grid: bool) {
+    let ticks = axis.ticks(((panel.size.1 / 16.0) as usize).clamp(2, 7));
+    let places: Vec<(f64, String)> =
+        ticks.into_iter().map(|(v, label)| (panel.point(panel.x.low, v).1, label)).collect();
+    side_labels(d, panel, &places, room, grid);
+}
+
+/// Grid and numbers of the vertical scale; numbers only if there is room for them.
+pub fn numbers_upward(d: &mut Drawing, panel: &Panel, room: f64) {
+    let ticks = panel.y.ticks(((panel.size.1 / 18.0) as usize).clamp(2, 7));
+    let label = |label: String| if room > 0.0 { label } else { String::new() };
+    let places: Vec<(f64, String)> =
+        ticks.into_iter().map(|(v, text)| (panel.point(panel.x.low, v).1, label(text))).collect();
+    side_labels(d, panel, &places, room, true);
+}
+
+fn side_labels(d: &mut Drawing, panel: &Panel, places: &[(f64, String)], room: f64, grid: bool) {
+    let mut free_below = f64::INFINITY;
+    for (y, label) in places {
+        let (end, colour) = if grid { (panel.at.0 + panel.size.0, GRID) } else { (panel.at.0, MUTED) };
+        d.line(&[(panel.at.0 - 1.5, *y), (end, *y)], Stroke::solid(colour, 0.6));
+        if *y + SMALL / 2.0 <= free_below {
+            let label = text::shorten(label, room - 4.0, SMALL, false);
+            d.text((panel.at.0 - 3.0, y + SMALL * 0.36), label, Type::PLAIN.at(Anchor::End));
+            free_below = y - SMALL / 2.0;
+        }
+    }
+}
+
+/// A filled point with a thin outline.
+pub fn dot(d: &mut Drawing, (x, y): Point, radius: f64, fill: [u8; 3]) {
+    if x.is_finite() && y.is_finite() {
+        let stroke = Some(Stroke::solid(tint(INK, 0.75), 0.3));
+        d.shapes.push(Shape::Circle { centre: (x, y), radius, fill: Some(fill), stroke });
+    }
+}
+
+/// The sign of the best trial.
+pub fn best_sign(d: &mut Drawing, at: Point) {
+    d.mark(at, 5.2, Mark::Diamond, INK, Some(BEST));
+}
+
+/// The sign of a trial that violates a constraint.
+pub fn infeasible_sign(d: &mut Drawing, at: Point) {
+    d.mark(at, 2.4, Mark::Square, tint(SLATE, 0.6), Some(PAPER));
+}
+
+/// Radius of one of many points.
+pub fn radius(count: usize) -> f64 {
+    (4.2 / (count.max(1) as f64).sqrt().sqrt()).clamp(0.9, 1.9)
+}
+
+/// A bar that explains colours: its title, the colours, and numbers under them; gives the baseline after it.
+///
+/// `colour` turns a share of the bar's length into a colour.
+pub fn colour_bar(d: &mut Drawing, top: f64, title: &str, scale: &Scale, colour: impl Fn(f64) -> [u8; 3]) -> f64 {
+    const STEPS: u32 = 40;
+    let at = (MARGIN + 10.0, top + SMALL + 4.0);
+    let size = (INNER - 20.0, 6.0);
+    d.text((MARGIN, top + SMALL), text::shorten(title, INNER, SMALL, false), Type::PLAIN);
+    let step = size.0 / f64::from(STEPS);
+    for i in 0..STEPS {
+        let share = (f64::from(i) + 0.5) / f64::from(STEPS);
+        d.rect((at.0 + f64::from(i) * step, at.1), (step, size.1), Some(colour(share)), None);
+    }
+    d.rect(at, size, None, Some(Stroke::solid(MUTED, 0.5)));
+    let panel = Panel { at, size, x: *scale, y: Scale::linear(0.0, 1.0) };
+    let places: Vec<(f64, String)> =
+        scale.ticks(5).into_iter().map(|(v, label)| (panel.point(v, 0.0).0, label)).collect();
+    for (x, _) in &places {
+        d.line(&[(*x, at.1 + size.1), (*x, at.1 + size.1 + 2.0)], Stroke::solid(MUTED, 0.6));
+    }
+    number_labels(d, &panel, at.1 + size.1 + LABELS, &places);
+    at.1 + size.1 + LABELS + Type::PLAIN.line() + 2.0
+}
+
+/// Bar and colours of trial numbers: later ones are darker.
+pub fn number_colour(scale: &Scale, number: f64) -> [u8; 3] {
+    ramp(scale.share(number))
+}
+
+/// Room for the numbers of a vertical axis, from the figure's border on.
+pub fn number_room(scale: &Scale, count: usize) -> f64 {
+    let widths = (2..=count.max(3)).flat_map(|n| scale.ticks(n)).map(|(_, label)| Type::PLAIN.width(&label));
+    MARGIN + widths.fold(14.0, f64::max) + 5.0
+}
+
+/// Every how many trials one is shown, and the sentence that says so.
+pub fn thinning(count: usize, limit: usize) -> (usize, String) {
+    let every = count.div_ceil(limit).max(1);
+    let note = if every > 1 { format!(" One of every {every} of {count} trials is shown.") } else { String::new() };
+    (every, note)
+}
+
+/// Notes at the foot of a figure, and its end.
+pub fn finish(d: &mut Drawing, top: f64, note: &str) {
+    let end = d.paragraph((MARGIN, top), INNER, note, Type::NOTE);
+    d.end_at(end - Type::NOTE.line());
+}
