@@ -33,7 +33,7 @@ pub fn draw(rows: &Rows, options: &Options) -> Result<(Drawing, String), PlotErr
     for i in 0..pairs.len() {
         let panel = panel(&layout, &pairs, i);
         surface(&mut d, &panel, pairs[i], rows, &scale);
-        frame(&mut d, &panel, pairs[i], false);
+        frame(&mut d, &panel, pairs[i], layout.left, false);
         points(&mut d, &panel, pairs[i], rows, every);
     }
     let end =
@@ -113,7 +113,7 @@ fn surface(d: &mut Drawing, panel: &Panel, pair: Pair, rows: &Rows, scale: &Scal
 /// is near. A choice knows only its own samples.
 fn interpolate(samples: &[Sample], at: [f64; 2], pair: Pair) -> Option<f64> {
     /// Distance under which all samples weigh nearly the same, so that the surface has no spikes.
-    const BLUR: f64 = 0.025;
+    const BLUR: f64 = 0.04;
     let is_choice = [pair.0.choices().is_some(), pair.1.choices().is_some()];
     let widths = [cells(pair.0), cells(pair.1)].map(|n| 0.5 / n as f64);
     let (mut sum, mut weights, mut nearest) = (0.0, 0.0, f64::INFINITY);
@@ -129,14 +129,15 @@ fn interpolate(samples: &[Sample], at: [f64; 2], pair: Pair) -> Option<f64> {
         weights += weight;
         nearest = squared.sqrt().min(nearest);
     }
-    let reach = (1.3 / (samples.len() as f64).sqrt()).clamp(0.1, 0.35);
+    let dense = (1.3 / (samples.len() as f64).sqrt()).clamp(0.1, 0.35);
+    let reach = if is_choice.contains(&true) { 0.25 } else { dense };
     (nearest <= reach).then(|| sum / weights)
 }
 
 fn points(d: &mut Drawing, panel: &Panel, (x, y): Pair, rows: &Rows, every: usize) {
     let size = super::panels::radius(rows.scored().count()) * 0.75;
     let best = rows.best().map(|(row, _)| row.trial.number);
-    let place = |row: &super::rows::Row| Some(panel.point(x.spread(row.trial)?, y.spread(row.trial)?));
+    let place = |row: &super::rows::Row| Some(panel.point(x.spread(row.trial)?, y.spread_up(row.trial)?));
     for (row, _) in rows.scored().step_by(every) {
         match place(row) {
             Some(at) if row.feasible => dot(d, at, size, PAPER),
@@ -165,7 +166,7 @@ mod tests {
         let pair = (&chosen.axes[0], &chosen.axes[1]);
         let two = [Sample { place: [0.1, 0.1], value: 2.0 }, Sample { place: [0.3, 0.1], value: 4.0 }];
         let at = |x, y| interpolate(&two, [x, y], pair);
-        assert!((at(0.1, 0.1).unwrap() - 2.0).abs() < 0.01);
+        assert!((at(0.1, 0.1).unwrap() - 2.0).abs() < 0.05);
         assert!((at(0.2, 0.1).unwrap() - 3.0).abs() < 1e-9);
         assert_eq!(at(0.9, 0.9), None);
     }

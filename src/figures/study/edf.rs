@@ -1,6 +1,6 @@
 //! Share of trials up to each value, of one study or several.
 
-use super::panels::{INNER, finish, number_room};
+use super::panels::{INNER, finish, number_room, number_ticks};
 use super::rows::Rows;
 use super::{Options, PlotError, StudyPlot};
 use crate::figures::axes::{Panel, Scale, Sign, legend};
@@ -35,7 +35,7 @@ pub fn draw(rows: &Rows, options: &Options) -> Result<(Drawing, String), PlotErr
     let mut d = Drawing::new();
     panel.vertical(&mut d, "share of trials with at most this value");
     let title = text::shorten(&rows.axis_title(), panel.size.0, SMALL, false);
-    let end = panel.horizontal(&mut d, &panel.x.ticks(5), &title, true);
+    let end = panel.horizontal(&mut d, &number_ticks(&panel.x, 5), &title, true);
     for (values, look) in curves.iter().zip(LOOKS) {
         panel.curve(&mut d, &steps(values, &scale), look);
     }

@@ -105,7 +105,8 @@ fn values(limit: usize, progress: f64, random: &mut rng::Stream) -> (Vec<Param>,
     let m = near(random, 0.9);
     space.add("momentum", Distribution::float(0.0, 0.99, false, None).unwrap(), m, choice == 2.0);
     let layers = near(random, 0.5);
-    let depth = space.add("layers", Distribution::int(1, 5, false, 1).unwrap(), layers, true);
+    let deepest = if limit > 21 { 12 } else { 5 };
+    let depth = space.add("layers", Distribution::int(1, deepest, false, 1).unwrap(), layers, true);
     let w = near(random, 0.3);
     space.add("weight_decay", Distribution::float(1e-6, 1e-2, true, None).unwrap(), w, true);
     let sizes = [16, 32, 64, 128, 256].map(serde_json::Value::from).to_vec();

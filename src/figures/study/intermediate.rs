@@ -1,16 +1,16 @@
 //! Reported values step by step.
 
 use super::PlotError;
-use super::panels::{INNER, finish, number_room};
+use super::panels::{INNER, finish, number_room, number_ticks, numbers_upward};
 use super::rows::{Row, Rows, beyond, drawable, plural};
 use crate::figures::axes::{Panel, Scale, legend};
 use crate::figures::curves::{Trace, draw_traces, trace_entries};
-use crate::figures::drawing::Drawing;
+use crate::figures::drawing::{Drawing, Type};
 use crate::figures::style::{BLUE, MARGIN, SLATE, SMALL, WIDTH, tint};
 use crate::figures::text;
 
 /// Trials drawn besides the best; of more, every n-th.
-const LINES: usize = 300;
+const LINES: usize = 150;
 
 /// A line a trial; pruned ones end in a mark, the best stands out.
 pub fn draw(rows: &Rows) -> Result<(Drawing, String), PlotError> {
@@ -23,8 +23,9 @@ pub fn draw(rows: &Rows) -> Result<(Drawing, String), PlotError> {
     let panel = panel(rows, &all);
     let mut d = Drawing::new();
     let title = format!("reported {}", rows.axis_title());
-    panel.vertical(&mut d, &text::shorten(&title, INNER, SMALL, false));
-    let whole = panel.x.ticks(5).into_iter().filter(|(v, _)| v.fract() == 0.0);
+    d.text((MARGIN, panel.at.1 - 7.0), text::shorten(&title, INNER, SMALL, false), Type::PLAIN);
+    numbers_upward(&mut d, &panel, panel.at.0 - MARGIN);
+    let whole = number_ticks(&panel.x, 5).into_iter().filter(|(v, _)| v.fract() == 0.0);
     let end = panel.horizontal(&mut d, &whole.collect::<Vec<_>>(), "step", false);
     let (reported, far) = (all.len(), all.iter().flat_map(|t| &t.points).filter(|p| beyond(&panel.y, p.1)).count());
     let every = reported.div_ceil(LINES).max(1);

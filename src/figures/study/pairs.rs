@@ -11,8 +11,6 @@ use crate::figures::text;
 
 /// Panels shown.
 pub const PANELS: usize = 6;
-/// Room for labels of vertical axes.
-const LEFT: f64 = 34.0;
 
 /// Two parameters: the horizontal and the vertical axis.
 pub type Pair<'a> = (&'a Axis, &'a Axis);
@@ -50,8 +48,10 @@ pub fn pairs<'c>(
 /// Where the panels of so many pairs stand.
 pub fn layout(pairs: &[Pair]) -> Layout {
     let rows = if pairs.iter().any(|(x, _)| x.choices().is_some()) { 2.0 } else { 1.0 };
+    let labels = pairs.iter().flat_map(|(_, y)| y.ticks(4)).map(|(_, label)| Type::PLAIN.width(&label));
+    let widest = if pairs.len() == 1 { 64.0 } else { 40.0 };
     Layout {
-        left: LEFT,
+        left: (labels.fold(0.0, f64::max) + 5.0).clamp(18.0, widest),
         both: true,
         height: if pairs.len() == 1 { 140.0 } else { 70.0 },
         below: rows * LABELS + 17.0,
@@ -67,14 +67,14 @@ pub fn panel(layout: &Layout, pairs: &[Pair], i: usize) -> Panel {
 }
 
 /// Ticks and names of a panel; the grid only where no surface covers it.
-pub fn frame(d: &mut Drawing, panel: &Panel, (x, y): Pair, grid: bool) {
-    upward(d, panel, y, LEFT, grid);
+pub fn frame(d: &mut Drawing, panel: &Panel, (x, y): Pair, left: f64, grid: bool) {
+    upward(d, panel, y, left, grid);
     across(d, panel, x, grid);
     borders(d, panel);
-    heading(d, panel, panel.at.0 - LEFT, &y.name);
+    heading(d, panel, panel.at.0 - left, &y.name);
     let rows = if x.choices().is_some() { 2.0 } else { 1.0 };
     let at = (panel.at.0 + panel.size.0, panel.at.1 + panel.size.1 + (rows + 1.0) * LABELS);
-    d.text(at, text::shorten(&x.name, panel.size.0 + LEFT, SMALL, true), Type::BOLD.at(Anchor::End));
+    d.text(at, text::shorten_middle(&x.name, panel.size.0 + left, SMALL, true), Type::BOLD.at(Anchor::End));
 }
 
 /// A sentence about pairs that found no room, with a space before it; empty if all did.

@@ -1,7 +1,7 @@
 //! Small panels: their frames, ticks of parameters, colour bars and signs.
 
 use super::parameters::Axis;
-use crate::figures::axes::{Panel, Scale};
+use crate::figures::axes::{Panel, Scale, short};
 use crate::figures::drawing::{Anchor, Drawing, Point, Shape, Stroke, Type};
 use crate::figures::style::{BEST, GRID, INK, MARGIN, MUTED, Mark, PAPER, SLATE, SMALL, WIDTH, ramp, tint};
 use crate::figures::text;
@@ -53,7 +53,7 @@ impl Layout {
 /// The name over a panel, shortened to `room` from `x` on.
 pub fn heading(d: &mut Drawing, panel: &Panel, x: f64, name: &str) {
     let room = panel.at.0 + panel.size.0 - x + GAP - 5.0;
-    d.text((x, panel.at.1 - 4.0), text::shorten(name, room, SMALL, true), Type::BOLD);
+    d.text((x, panel.at.1 - 4.0), text::shorten_middle(name, room, SMALL, true), Type::BOLD);
 }
 
 /// Lines to the left of and below a panel.
@@ -80,12 +80,36 @@ pub fn across(d: &mut Drawing, panel: &Panel, axis: &Axis, grid: bool) {
     }
 }
 
+/// About `count` round numbers of a scale; large ones as powers of ten where that still tells them apart.
+pub fn number_ticks(scale: &Scale, count: usize) -> Vec<(f64, String)> {
+    let ticks = decades(scale, count).unwrap_or_else(|| scale.ticks(count));
+    if ticks.iter().all(|(_, label)| label.chars().count() <= 8) {
+        return ticks;
+    }
+    let brief: Vec<(f64, String)> = ticks.iter().map(|(v, _)| (*v, short(*v))).collect();
+    let longest = brief.iter().any(|(v, _)| v.abs() > 1e12);
+    if longest || brief.windows(2).all(|pair| pair[0].1 != pair[1].1) { brief } else { ticks }
+}
+
+/// Powers of ten on a logarithmic scale, if there are two.
+fn decades(scale: &Scale, count: usize) -> Option<Vec<(f64, String)>> {
+    let exponent = |v: f64| libm::log10(v);
+    let first = (exponent(scale.low) - 1e-9).ceil() as i32;
+    let last = (exponent(scale.high) + 1e-9).floor() as i32;
+    if !scale.log || last <= first {
+        return None;
+    }
+    let step = (last - first).unsigned_abs().div_ceil(count.max(2) as u32 - 1) as usize;
+    let power = |e: i32| libm::pow(10.0, f64::from(e));
+    Some((first..=last).step_by(step).map(power).map(|v| (v, short(v))).collect())
+}
+
 /// Labels under their places, leaving out those that would cover the one before.
 pub fn number_labels(d: &mut Drawing, panel: &Panel, baseline: f64, places: &[(f64, String)]) {
     let (mut free_from, limit) = (panel.at.0 - 7.0, (panel.at.0 + panel.size.0 + 5.0).min(d.width - 1.0));
     for (x, label) in places {
         let half = Type::PLAIN.width(label) / 2.0;
-        let x = x.clamp(panel.at.0 - 7.0 + half, (limit - half).max(panel.at.0));
+        let x = x.max(panel.at.0 - 7.0 + half).min(limit - half);
         if x - half >= free_from {
             d.text((x, baseline), label.clone(), Type::PLAIN.at(Anchor::Middle));
             free_from = x + half + 4.0;
@@ -106,7 +130,7 @@ fn choice_labels(d: &mut Drawing, panel: &Panel, places: &[(f64, String)], count
         let label = text::shorten(label, room, SMALL, false);
         let half = Type::PLAIN.width(&label) / 2.0;
         let baseline = panel.at.1 + panel.size.1 + LABELS + (i % rows) as f64 * (LABELS - 0.5);
-        let x = x.clamp((panel.at.0 - 6.0 + half).min(*x), (panel.at.0 + panel.size.0 + 5.0 - half).max(panel.at.0));
+        let x = x.min(panel.at.0 + panel.size.0 + 5.0 - half).max(panel.at.0 - 6.0 + half);
         d.text((x, baseline), label, Type::PLAIN.at(Anchor::Middle));
     }
 }
@@ -121,7 +145,7 @@ pub fn upward(d: &mut Drawing, panel: &Panel, axis: &Axis, room: f64, grid: bool
 
 /// Grid and numbers of the vertical scale; numbers only if there is room for them.
 pub fn numbers_upward(d: &mut Drawing, panel: &Panel, room: f64) {
-    let ticks = panel.y.ticks(((panel.size.1 / 18.0) as usize).clamp(2, 7));
+    let ticks = number_ticks(&panel.y, ((panel.size.1 / 18.0) as usize).clamp(2, 7));
     let label = |label: String| if room > 0.0 { label } else { String::new() };
     let places: Vec<(f64, String)> =
         ticks.into_iter().map(|(v, text)| (panel.point(panel.x.low, v).1, label(text))).collect();
@@ -180,7 +204,7 @@ pub fn colour_bar(d: &mut Drawing, top: f64, title: &str, scale: &Scale, colour:
     d.rect(at, size, None, Some(Stroke::solid(MUTED, 0.5)));
     let panel = Panel { at, size, x: *scale, y: Scale::linear(0.0, 1.0) };
     let places: Vec<(f64, String)> =
-        scale.ticks(5).into_iter().map(|(v, label)| (panel.point(v, 0.0).0, label)).collect();
+        number_ticks(scale, 5).into_iter().map(|(v, label)| (panel.point(v, 0.0).0, label)).collect();
     for (x, _) in &places {
         d.line(&[(*x, at.1 + size.1), (*x, at.1 + size.1 + 2.0)], Stroke::solid(MUTED, 0.6));
     }
@@ -195,7 +219,7 @@ pub fn number_colour(scale: &Scale, number: f64) -> [u8; 3] {
 
 /// Room for the numbers of a vertical axis, from the figure's border on.
 pub fn number_room(scale: &Scale, count: usize) -> f64 {
-    let widths = (2..=count.max(3)).flat_map(|n| scale.ticks(n)).map(|(_, label)| Type::PLAIN.width(&label));
+    let widths = (2..=count.max(3)).flat_map(|n| number_ticks(scale, n)).map(|(_, label)| Type::PLAIN.width(&label));
     MARGIN + widths.fold(14.0, f64::max) + 5.0
 }
 

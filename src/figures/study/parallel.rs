@@ -1,6 +1,6 @@
 //! A line a trial through all parameters.
 
-use super::panels::{INNER, finish};
+use super::panels::{INNER, finish, number_ticks};
 use super::parameters::{Axis, choose};
 use super::rows::{Row, Rows, beyond, plural, within};
 use super::{Options, PlotError, StudyPlot};
@@ -87,7 +87,7 @@ pub fn draw(rows: &Rows, options: &Options) -> Result<(Drawing, String), PlotErr
 
 fn rails(rows: &Rows, axes: &[Axis]) -> Vec<Rail> {
     let scale = rows.scale(rows.scored().map(|(_, v)| v));
-    let objective = Rail { name: rows.name(), scale, ticks: scale.ticks(4), axis: None, y: MARGIN + 8.0 };
+    let objective = Rail { name: rows.name(), scale, ticks: number_ticks(&scale, 4), axis: None, y: MARGIN + 8.0 };
     let rail = |(i, axis): (usize, &Axis)| Rail {
         name: axis.name.clone(),
         scale: axis.scale,
@@ -129,14 +129,15 @@ fn labels(d: &mut Drawing, rail: &Rail) {
     let (left, right) = (MARGIN + NAMES, WIDTH - MARGIN - 8.0);
     d.line(&[(left, rail.y), (right, rail.y)], Stroke::solid(MUTED, 0.7));
     let bold = if rail.axis.is_none() { Type::BOLD } else { Type::PLAIN };
-    let name = text::shorten(&rail.name, NAMES - 8.0, SMALL, bold.bold);
+    let name = text::shorten_middle(&rail.name, NAMES - 8.0, SMALL, bold.bold);
     d.text((MARGIN, rail.y + SMALL * 0.36), name, bold);
     let room = match &rail.axis.as_ref().and_then(Axis::choices) {
         Some(count) => (right - left) / *count as f64 - 4.0,
         None => f64::INFINITY,
     };
-    // Choices too close for a label of some letters: every second, third, … has one.
-    let every = (16.0 / room.max(1.0)).ceil().max(1.0) as usize;
+    // Of choices too close for a label of some letters, every second, third, … has one.
+    let widest = rail.ticks.iter().map(|(_, label)| Type::PLAIN.width(label)).fold(0.0, f64::max);
+    let every = (widest.min(26.0) / room.max(1.0)).ceil().max(1.0) as usize;
     let mut free_from = left - 12.0;
     for (i, (value, label)) in rail.ticks.iter().enumerate() {
         let x = rail.x(*value);

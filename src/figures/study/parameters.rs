@@ -1,5 +1,6 @@
 //! Parameters as axes.
 
+use super::panels::number_ticks;
 use super::rows::{Rows, drawable};
 use super::{Options, PlotError};
 use crate::figures::axes::{Scale, fixed, short};
@@ -61,11 +62,20 @@ impl Axis {
         (drawable(place) && (!self.scale.log || place > 0.0)).then_some(place)
     }
 
-    /// The same, moved sideways by up to 0.3 where many trials have the same value.
+    /// The same, moved by up to 0.3 where many trials have the same value.
     pub fn spread(&self, trial: &StoredTrial) -> Option<f64> {
+        self.moved(trial, 0.754_877_666_246_692_7)
+    }
+
+    /// As [`Axis::spread`], for the other axis of a pair.
+    pub fn spread_up(&self, trial: &StoredTrial) -> Option<f64> {
+        self.moved(trial, 0.569_840_290_998_053_2)
+    }
+
+    /// Multiples of the two irrational numbers above fill a square evenly (Roberts's R2 sequence).
+    fn moved(&self, trial: &StoredTrial, step: f64) -> Option<f64> {
         let place = self.of(trial)?;
-        // Multiples of the golden ratio fill an interval evenly.
-        let share = (f64::from(trial.number) * 0.618_033_988_749_894_9).fract() - 0.5;
+        let share = (f64::from(trial.number) * step).fract() - 0.5;
         Some(if self.is_spread() { place + 0.6 * share } else { place })
     }
 
@@ -82,8 +92,8 @@ impl Axis {
     /// About `count` values with how they are written; every choice.
     pub fn ticks(&self, count: usize) -> Vec<(f64, String)> {
         match &self.kind {
-            Kind::Real => self.scale.ticks(count),
-            Kind::Whole { .. } => whole_ticks(&self.scale, count),
+            Kind::Real => number_ticks(&self.scale, count),
+            Kind::Whole { few } => whole_ticks(&self.scale, if *few { 2 * count } else { count }),
             Kind::Choices(names) => names.iter().enumerate().map(|(i, n)| (i as f64, n.clone())).collect(),
         }
     }
@@ -112,7 +122,7 @@ fn whole_ticks(scale: &Scale, count: usize) -> Vec<(f64, String)> {
         let kept = ticks.into_iter().filter(|(v, _)| (v - v.round()).abs() < 1e-9 * v.abs().max(1.0));
         kept.map(|(v, _)| (v.round(), write(v.round()))).collect()
     };
-    let found = whole(scale.ticks(count));
+    let found = whole(number_ticks(scale, count));
     if found.len() >= 2 { found } else { vec![(first, write(first)), (last, write(last))] }
 }
 
@@ -223,7 +233,8 @@ mod tests {
         let int = |low, high, log| axis(Distribution::int(low, high, log, 1).unwrap());
         assert_eq!(labels(&int(1, 4, false)), ["1", "2", "3", "4"]);
         assert_eq!(labels(&int(7, 7, false)), ["7"]);
-        assert_eq!(labels(&int(16, 512, true)), ["30", "100", "300"]);
+        assert_eq!(labels(&int(16, 2048, true)), ["100", "1,000"]);
+        assert_eq!(labels(&int(16, 64, true)), ["20", "50"]);
         assert_eq!(labels(&int(1, 2, true)), ["1", "2"]);
         let float = axis(Distribution::float(1e-5, 1e-1, true, None).unwrap());
         assert_eq!(labels(&float), ["10⁻⁵", "0.0001", "0.001", "0.01", "0.1"]);

@@ -2,7 +2,8 @@
 
 use super::PlotError;
 use super::panels::{
-    INNER, LABELS, Layout, borders, dot, finish, infeasible_sign, number_labels, number_room, numbers_upward, thinning,
+    INNER, LABELS, Layout, borders, dot, finish, infeasible_sign, number_labels, number_room, number_ticks,
+    numbers_upward, thinning,
 };
 use super::rows::{Rows, all_values, beyond, objective_name, plural, within};
 use crate::figures::axes::{Panel, Scale, Sign, legend};
@@ -127,7 +128,7 @@ fn layout(pairs: usize, scales: &[Scale]) -> Layout {
 fn frame(d: &mut Drawing, panel: &Panel, objectives: &[Rows], (x, y): (usize, usize), left: f64) {
     let bottom = panel.at.1 + panel.size.1;
     numbers_upward(d, panel, left);
-    let ticks = panel.x.ticks(((panel.size.0 / 30.0) as usize).clamp(2, 6));
+    let ticks = number_ticks(&panel.x, ((panel.size.0 / 30.0) as usize).clamp(2, 6));
     let places: Vec<(f64, String)> =
         ticks.into_iter().map(|(v, label)| (panel.point(v, panel.y.low).0, label)).collect();
     for (x, _) in &places {

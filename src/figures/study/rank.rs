@@ -24,7 +24,7 @@ pub fn draw(rows: &Rows, options: &Options) -> Result<(Drawing, String), PlotErr
     let (every, thinned) = thinning(ranked.len(), POINTS);
     for i in 0..pairs.len() {
         let panel = panel(&layout, &pairs, i);
-        frame(&mut d, &panel, pairs[i], true);
+        frame(&mut d, &panel, pairs[i], layout.left, true);
         points(&mut d, &panel, pairs[i], &ranked, every);
     }
     let last = ranked.len() as f64;
@@ -61,7 +61,7 @@ fn ranks<'r, 'a>(rows: &'r Rows<'a>) -> Vec<(&'r Row<'a>, f64)> {
 
 fn points(d: &mut Drawing, panel: &Panel, (x, y): Pair, ranked: &[(&Row, f64)], every: usize) {
     let size = radius(ranked.len());
-    let place = |row: &Row| Some(panel.point(x.spread(row.trial)?, y.spread(row.trial)?));
+    let place = |row: &Row| Some(panel.point(x.spread(row.trial)?, y.spread_up(row.trial)?));
     for (i, (row, share)) in ranked.iter().enumerate() {
         let Some(at) = place(row).filter(|_| i % every == 0) else { continue };
         if row.feasible {

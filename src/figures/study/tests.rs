@@ -246,4 +246,16 @@ fn show() {
             }
         }
     }
+    compare(&folder.join("compared"));
+}
+
+/// Distributions of several studies, and surfaces over several pairs.
+fn compare(folder: &Path) {
+    let study = fixture::study(100, 9, 1);
+    let others: Vec<StoredStudy> = [9, 30, 50, 80, 200, 300].map(|n| fixture::study(n, 9, 1)).into();
+    let others: Vec<&StoredStudy> = others.iter().collect();
+    let params = ["learning_rate", "weight_decay", "units_1", "batch_size"].map(String::from).to_vec();
+    let options = Options { others: &others, params: Some(params), ..Options::default() };
+    let plots = [StudyPlot::Edf, StudyPlot::Contour, StudyPlot::Rank, StudyPlot::Slice, StudyPlot::ParallelCoordinates];
+    write(folder, &plots, &study, &options).unwrap();
 }

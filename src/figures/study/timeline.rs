@@ -39,11 +39,15 @@ const STEPS: [u32; 23] = [
     364 * DAY,
 ];
 
+/// Trials up to which each has a line of its own.
+const LINES: usize = 120;
+
 /// A trial that has begun.
 struct Bar<'a> {
     row: &'a Row<'a>,
     from: f64,
     to: f64,
+    line: usize,
 }
 
 /// A bar a trial from its start to its end, by state; local times.
@@ -53,12 +57,14 @@ pub fn draw(rows: &Rows) -> Result<(Drawing, String), PlotError> {
         let why = format!("No trial of study {} has a time at which it began.", rows.study.name);
         return Ok((Drawing::sentence(&why), why));
     };
-    let bars = bars(rows, origin);
+    let mut bars = bars(rows, origin);
+    let packed = rows.all.len() > LINES;
+    let lines = if packed { pack(&mut bars) } else { rows.all.len() };
     let end = bars.iter().map(|bar| bar.to).fold(0.0, f64::max);
-    let panel = panel(rows, end);
+    let panel = panel(lines, end);
     let mut d = Drawing::new();
-    d.text((MARGIN, MARGIN + SMALL), "trial", Type::PLAIN);
-    numbers(&mut d, &panel, rows);
+    d.text((MARGIN, MARGIN + SMALL), if packed { "trials side by side" } else { "trial" }, Type::PLAIN);
+    numbers(&mut d, &panel, lines, packed);
     let end = times(&mut d, &panel, origin, end);
     for bar in &bars {
         draw_bar(&mut d, &panel, bar);
@@ -66,12 +72,27 @@ pub fn draw(rows: &Rows) -> Result<(Drawing, String), PlotError> {
     let end = legend(&mut d, (MARGIN, end + 13.0), INNER, &entries(&bars));
     let note = note(rows, &bars);
     finish(&mut d, end + 2.0, &note);
-    Ok((
-        d,
-        format!(
-            "Each trial from its start to its end, in local time; a running trial ends with the last event. {note}"
-        ),
-    ))
+    let how = if packed { "The trials" } else { "Each trial" };
+    let lines = if packed { "; a line holds trials that ran one after the other" } else { "" };
+    let caption =
+        format!("{how} from start to end, in local time{lines}; a running trial ends with the last event. {note}");
+    Ok((d, caption))
+}
+
+/// Gives each bar the first line that is free when it starts; gives the number of lines.
+fn pack(bars: &mut [Bar]) -> usize {
+    let mut order: Vec<usize> = (0..bars.len()).collect();
+    order.sort_by(|a, b| bars[*a].from.total_cmp(&bars[*b].from));
+    let mut free_at: Vec<f64> = Vec::new();
+    for i in order {
+        let bar = &mut bars[i];
+        bar.line = free_at.iter().position(|end| *end <= bar.from).unwrap_or(free_at.len());
+        match free_at.get_mut(bar.line) {
+            Some(end) => *end = bar.to,
+            None => free_at.push(bar.to),
+        }
+    }
+    free_at.len()
 }
 
 fn bars<'a>(rows: &'a Rows, origin: DateTime) -> Vec<Bar<'a>> {
@@ -81,7 +102,7 @@ fn bars<'a>(rows: &'a Rows, origin: DateTime) -> Vec<Bar<'a>> {
     let bar = |row: &'a Row<'a>| {
         let from = seconds(row.trial.started?);
         let to = row.trial.completed.map_or(last, seconds);
-        Some(Bar { row, from, to: to.max(from) })
+        Some(Bar { row, from, to: to.max(from), line: row.trial.number as usize })
     };
     rows.all.iter().filter_map(bar).collect()
 }
@@ -117,10 +138,10 @@ fn duration(seconds: f64) -> String {
     format!("{} {unit}", crate::figures::axes::short(length))
 }
 
-fn panel(rows: &Rows, end: f64) -> Panel {
-    let last = rows.all.last().map_or(0.0, Row::number);
+fn panel(lines: usize, end: f64) -> Panel {
+    let last = lines.max(1) as f64 - 1.0;
     let left = MARGIN + Type::PLAIN.width(&last.to_string()) + 6.0;
-    let height = (9.0 * rows.all.len() as f64).clamp(36.0, 250.0);
+    let height = (9.0 * lines as f64).clamp(36.0, 240.0);
     Panel {
         at: (left, MARGIN + SMALL + 5.0),
         size: (WIDTH - left - MARGIN - 6.0, height),
@@ -130,8 +151,9 @@ fn panel(rows: &Rows, end: f64) -> Panel {
     }
 }
 
-fn numbers(d: &mut Drawing, panel: &Panel, rows: &Rows) {
-    let numbers: Vec<u32> = rows.all.iter().map(|row| row.trial.number).collect();
+/// Numbers of the trials; lines that hold several have none.
+fn numbers(d: &mut Drawing, panel: &Panel, lines: usize, packed: bool) {
+    let numbers: Vec<u32> = (0..lines as u32).filter(|_| !packed).collect();
     for (value, label) in ticks(&numbers) {
         let y = panel.point(0.0, value).1;
         d.text((panel.at.0 - 3.0, y + SMALL * 0.36), label, Type::PLAIN.at(Anchor::End));
@@ -173,9 +195,11 @@ fn time_ticks(origin: DateTime, end: f64) -> Vec<(f64, String)> {
 
 fn draw_bar(d: &mut Drawing, panel: &Panel, bar: &Bar) {
     let pitch = panel.size.1 / (panel.y.low - panel.y.high);
-    let height = (pitch * 0.74).max(0.5);
-    let (x, y) = panel.point(bar.from, bar.row.number());
-    let width = (panel.point(bar.to, 0.0).0 - x).max(0.6);
+    let height = (pitch * 0.74).clamp(0.5, 9.0);
+    let (x, y) = panel.point(bar.from, bar.line as f64);
+    let full = panel.point(bar.to, 0.0).0 - x;
+    // A gap shows where one trial ends and the next begins.
+    let width = (full - 0.25).max(full * 0.75).max(0.4);
     state_bar(d, (x, y - height / 2.0), (width, height), bar.row.trial.state);
 }
 
@@ -211,6 +235,18 @@ fn sample(d: &mut Drawing, (x, y): (f64, f64), state: TrialState) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn many_trials_share_lines() {
+        let study = super::super::fixture::study(300, 4, 1);
+        let rows = Rows::new(&study, 0).unwrap();
+        let mut bars = bars(&rows, study.trials[0].started.unwrap());
+        let lines = pack(&mut bars);
+        assert!((4..=8).contains(&lines), "four workers: {lines}");
+        for (i, a) in bars.iter().enumerate() {
+            assert!(bars[..i].iter().all(|b| a.line != b.line || a.from >= b.to || b.from >= a.to));
+        }
+    }
 
     #[test]
     fn times_are_round_and_lie_in_the_span() {
