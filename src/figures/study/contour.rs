@@ -36,15 +36,14 @@ pub fn draw(rows: &Rows, options: &Options) -> Result<(Drawing, String), PlotErr
         frame(&mut d, &panel, pairs[i], layout.left, false);
         points(&mut d, &panel, pairs[i], rows, every);
     }
-    let end =
-        colour_bar(&mut d, layout.end(pairs.len()), &rows.axis_title(), &scale, |share| colour(rows.direction, share));
+    let end = colour_bar(&mut d, layout.end(), &rows.axis_title(), &scale, |share| colour(rows.direction, share));
     let end = legend(&mut d, (MARGIN, end), INNER, &legend_entries(rows));
     let left_out = if asked { note(left_out) } else { String::new() };
     let text = format!("Colours between the trials are interpolated.{left_out}{thinned}");
     finish(&mut d, end + 2.0, &text);
     let caption = format!(
         "Value of {} over pairs of parameters. Only the {} at the points were observed; the surface is interpolated by \
-         inverse distance, blank far from every trial, and along choices each has its own. Values beyond the scale have its \
+         inverse distance, blank far from every trial; each choice has its own. Values beyond the scale have its \
          last colour.{left_out}{thinned}{}",
         rows.name(),
         plural(rows.scored().count(), "trial"),

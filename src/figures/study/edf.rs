@@ -42,7 +42,7 @@ pub fn draw(rows: &Rows, options: &Options) -> Result<(Drawing, String), PlotErr
     let end = study_legend(&mut d, end + 13.0, shown, &curves);
     let mut note: String = shown.iter().map(|r| r.note_left_out()).find(|n| !n.is_empty()).unwrap_or_default();
     if all.len() > shown.len() {
-        note += &format!(" {} more studies are not shown.", all.len() - shown.len());
+        note += &format!(" {} of {} studies are shown.", shown.len(), all.len());
     }
     finish(&mut d, end + 2.0, note.trim());
     Ok((d, caption(rows, &note)))

@@ -1,6 +1,6 @@
 //! Panels over pairs of parameters.
 
-use super::panels::{LABELS, Layout, across, borders, heading, upward};
+use super::panels::{LABELS, Layout, across, borders, heading, label_rows, upward};
 use super::parameters::{Axis, Chosen};
 use super::rows::Rows;
 use super::{PlotError, StudyPlot};
@@ -47,21 +47,27 @@ pub fn pairs<'c>(
 
 /// Where the panels of so many pairs stand.
 pub fn layout(pairs: &[Pair]) -> Layout {
-    let rows = if pairs.iter().any(|(x, _)| x.choices().is_some()) { 2.0 } else { 1.0 };
-    let labels = pairs.iter().flat_map(|(_, y)| y.ticks(4)).map(|(_, label)| Type::PLAIN.width(&label));
-    let widest = if pairs.len() == 1 { 64.0 } else { 40.0 };
-    Layout {
-        left: (labels.fold(0.0, f64::max) + 5.0).clamp(18.0, widest),
+    let one = pairs.len() == 1;
+    // Names of choices can be shortened, numbers cannot.
+    let limit = |y: &Axis| if y.choices().is_some() && !one { 36.0 } else { 64.0 };
+    let widest = |y: &Axis| {
+        let labels = y.ticks(4).into_iter().map(|(_, label)| Type::PLAIN.width(&label));
+        labels.fold(0.0, f64::max).min(limit(y))
+    };
+    let layout = Layout {
+        left: pairs.iter().map(|(_, y)| widest(y)).fold(13.0, f64::max) + 5.0,
         both: true,
-        height: if pairs.len() == 1 { 140.0 } else { 70.0 },
-        below: rows * LABELS + 17.0,
+        height: if one { 140.0 } else { 70.0 },
         top: MARGIN,
-    }
+        count: pairs.len(),
+        below: Vec::new(),
+    };
+    layout.over(pairs.iter().map(|(x, _)| *x), 17.0)
 }
 
 /// The plot of the `i`-th pair.
 pub fn panel(layout: &Layout, pairs: &[Pair], i: usize) -> Panel {
-    let (at, size) = layout.cell(i, pairs.len());
+    let (at, size) = layout.cell(i);
     let (x, y) = pairs[i];
     Panel { at, size, x: x.scale, y: y.scale }
 }
@@ -72,7 +78,7 @@ pub fn frame(d: &mut Drawing, panel: &Panel, (x, y): Pair, left: f64, grid: bool
     across(d, panel, x, grid);
     borders(d, panel);
     heading(d, panel, panel.at.0 - left, &y.name);
-    let rows = if x.choices().is_some() { 2.0 } else { 1.0 };
+    let rows = label_rows(x, panel.size.0) as f64;
     let at = (panel.at.0 + panel.size.0, panel.at.1 + panel.size.1 + (rows + 1.0) * LABELS);
     d.text(at, text::shorten_middle(&x.name, panel.size.0 + left, SMALL, true), Type::BOLD.at(Anchor::End));
 }

@@ -18,7 +18,7 @@ const HEAD: f64 = 12.0;
 pub const LABELS: f64 = 9.5;
 
 /// Where panels stand, in one column or two.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct Layout {
     /// Room to the left of a column for labels.
     pub left: f64,
@@ -26,27 +26,50 @@ pub struct Layout {
     pub both: bool,
     /// Height of a plot.
     pub height: f64,
-    /// Room below it.
-    pub below: f64,
     /// Upper border of the first row.
     pub top: f64,
+    /// Number of panels.
+    pub count: usize,
+    /// Room below each row of panels.
+    pub below: Vec<f64>,
 }
 
 impl Layout {
-    /// Upper left corner and size of the `i`-th of `count` plots.
-    pub fn cell(&self, i: usize, count: usize) -> (Point, Point) {
-        let columns = count.min(2);
-        let rooms = if self.both { columns as f64 * self.left } else { self.left };
-        let width = (INNER - 2.0 - rooms - (columns - 1) as f64 * GAP) / columns as f64;
-        let step = width + GAP + if self.both { self.left } else { 0.0 };
-        let x = MARGIN + self.left + (i % columns) as f64 * step;
-        let y = self.top + HEAD + (i / columns) as f64 * (HEAD + self.height + self.below);
-        ((x, y), (width, self.height))
+    /// The same with room for the tick labels of the horizontal axes, and `more` below them.
+    pub fn over<'a>(mut self, axes: impl Iterator<Item = &'a Axis>, more: f64) -> Self {
+        let width = self.width();
+        let rows: Vec<f64> = axes.map(|axis| label_rows(axis, width) as f64).collect();
+        let room = |row: &[f64]| row.iter().copied().fold(1.0, f64::max) * LABELS + more;
+        self.below = rows.chunks(self.columns()).map(room).collect();
+        self
     }
 
-    /// Lower border of `count` panels.
-    pub fn end(&self, count: usize) -> f64 {
-        self.top + count.div_ceil(count.clamp(1, 2)) as f64 * (HEAD + self.height + self.below)
+    fn columns(&self) -> usize {
+        self.count.clamp(1, 2)
+    }
+
+    /// Width of a plot.
+    fn width(&self) -> f64 {
+        let columns = self.columns() as f64;
+        let rooms = if self.both { columns * self.left } else { self.left };
+        (INNER - 2.0 - rooms - (columns - 1.0) * GAP) / columns
+    }
+
+    /// Upper left corner and size of the `i`-th plot.
+    pub fn cell(&self, i: usize) -> (Point, Point) {
+        let step = self.width() + GAP + if self.both { self.left } else { 0.0 };
+        let x = MARGIN + self.left + (i % self.columns()) as f64 * step;
+        ((x, self.row(i / self.columns()) + HEAD), (self.width(), self.height))
+    }
+
+    /// Upper border of a row of panels.
+    fn row(&self, row: usize) -> f64 {
+        self.top + self.below.iter().take(row).map(|below| HEAD + self.height + below).sum::<f64>()
+    }
+
+    /// Lower border of all panels.
+    pub fn end(&self) -> f64 {
+        self.row(self.below.len())
     }
 }
 
@@ -67,17 +90,29 @@ pub fn borders(d: &mut Drawing, panel: &Panel) {
 pub fn across(d: &mut Drawing, panel: &Panel, axis: &Axis, grid: bool) {
     let bottom = panel.at.1 + panel.size.1;
     let ticks = axis.ticks(((panel.size.0 / 26.0) as usize).clamp(2, 8));
-    for (value, _) in &ticks {
-        let x = panel.point(*value, panel.y.low).0;
-        let (top, colour) = if grid { (panel.at.1, GRID) } else { (bottom, MUTED) };
-        d.line(&[(x, top), (x, bottom + 2.0)], Stroke::solid(colour, 0.6));
-    }
     let places: Vec<(f64, String)> =
         ticks.into_iter().map(|(v, label)| (panel.point(v, panel.y.low).0, label)).collect();
-    match axis.choices() {
-        Some(count) => choice_labels(d, panel, &places, count),
-        None => number_labels(d, panel, bottom + LABELS, &places),
+    let (top, colour) = if grid && !dense(&places) { (panel.at.1, GRID) } else { (bottom, MUTED) };
+    for (x, _) in &places {
+        d.line(&[(*x, top), (*x, bottom + 2.0)], Stroke::solid(colour, 0.6));
     }
+    if axis.choices().is_some() {
+        choice_labels(d, panel, &places, label_rows(axis, panel.size.0));
+    } else {
+        number_labels(d, panel, bottom + LABELS, &places);
+    }
+}
+
+/// Whether grid lines would stand too close to each other.
+fn dense(places: &[(f64, String)]) -> bool {
+    places.windows(2).any(|pair| (pair[1].0 - pair[0].0).abs() < 6.0)
+}
+
+/// Rows of labels below an axis of some width.
+pub fn label_rows(axis: &Axis, width: f64) -> usize {
+    let Some(count) = axis.choices() else { return 1 };
+    let fits = |label: &str| Type::PLAIN.width(label) <= width / count as f64 - 3.0;
+    if axis.ticks(2).iter().all(|(_, label)| fits(label)) { 1 } else { 2 }
 }
 
 /// About `count` round numbers of a scale; large ones as powers of ten where that still tells them apart.
@@ -117,17 +152,14 @@ pub fn number_labels(d: &mut Drawing, panel: &Panel, baseline: f64, places: &[(f
     }
 }
 
-/// Names of choices in one row, or alternating between two rows if they are long.
-fn choice_labels(d: &mut Drawing, panel: &Panel, places: &[(f64, String)], count: usize) {
-    let cell = panel.size.0 / count as f64;
-    let fits = |rows: f64| places.iter().all(|(_, label)| Type::PLAIN.width(label) <= rows * cell - 3.0);
-    let rows = if fits(1.0) { 1 } else { 2 };
-    // Labels under 9 points wide say nothing: every second, third, … is left out.
-    let every = (9.0 / (rows as f64 * cell - 3.0).max(0.5)).ceil().max(1.0) as usize;
-    let every = if every > 1 { (13.0 / (rows as f64 * cell)).ceil() as usize } else { 1 };
+/// Names of choices, in two rows by turns; of choices too close for some letters, every second, third, … one.
+fn choice_labels(d: &mut Drawing, panel: &Panel, places: &[(f64, String)], rows: usize) {
+    let cell = panel.size.0 / places.len().max(1) as f64;
+    let widest = places.iter().map(|(_, label)| Type::PLAIN.width(label)).fold(0.0, f64::max);
+    let every = ((widest.min(20.0) + 3.0) / (rows as f64 * cell)).ceil().max(1.0) as usize;
     let room = (rows * every) as f64 * cell - 3.0;
     for (i, (x, label)) in places.iter().step_by(every).enumerate() {
-        let label = text::shorten(label, room, SMALL, false);
+        let label = text::shorten_middle(label, room, SMALL, false);
         let half = Type::PLAIN.width(&label) / 2.0;
         let baseline = panel.at.1 + panel.size.1 + LABELS + (i % rows) as f64 * (LABELS - 0.5);
         let x = x.min(panel.at.0 + panel.size.0 + 5.0 - half).max(panel.at.0 - 6.0 + half);
@@ -153,12 +185,13 @@ pub fn numbers_upward(d: &mut Drawing, panel: &Panel, room: f64) {
 }
 
 fn side_labels(d: &mut Drawing, panel: &Panel, places: &[(f64, String)], room: f64, grid: bool) {
+    let lines = grid && !dense(places);
+    let (end, colour) = if lines { (panel.at.0 + panel.size.0, GRID) } else { (panel.at.0, MUTED) };
     let mut free_below = f64::INFINITY;
     for (y, label) in places {
-        let (end, colour) = if grid { (panel.at.0 + panel.size.0, GRID) } else { (panel.at.0, MUTED) };
         d.line(&[(panel.at.0 - 1.5, *y), (end, *y)], Stroke::solid(colour, 0.6));
         if *y + SMALL / 2.0 <= free_below {
-            let label = text::shorten(label, room - 4.0, SMALL, false);
+            let label = text::shorten_middle(label, room - 4.0, SMALL, false);
             d.text((panel.at.0 - 3.0, y + SMALL * 0.36), label, Type::PLAIN.at(Anchor::End));
             free_below = y - SMALL / 2.0;
         }
@@ -173,8 +206,9 @@ pub fn dot(d: &mut Drawing, (x, y): Point, radius: f64, fill: [u8; 3]) {
     }
 }
 
-/// The sign of the best trial.
+/// The sign of the best trial, with a light rim that sets it off from dark surfaces.
 pub fn best_sign(d: &mut Drawing, at: Point) {
+    d.mark(at, 6.6, Mark::Diamond, PAPER, Some(PAPER));
     d.mark(at, 5.2, Mark::Diamond, INK, Some(BEST));
 }
 

@@ -49,12 +49,12 @@ pub fn draw(study: &StoredStudy) -> Result<(Drawing, String), PlotError> {
     let layout = layout(pairs.len(), &scales);
     let mut d = Drawing::new();
     for (i, (x, y)) in pairs.iter().copied().enumerate() {
-        let (at, size) = layout.cell(i, pairs.len());
+        let (at, size) = layout.cell(i);
         let panel = Panel { at, size, x: scales[x], y: scales[y] };
         frame(&mut d, &panel, &objectives, (x, y), layout.left);
         points(&mut d, &panel, &all, (x, y));
     }
-    let end = legend(&mut d, (MARGIN, layout.end(pairs.len()) + 6.0), INNER, &entries(&all));
+    let end = legend(&mut d, (MARGIN, layout.end() + 6.0), INNER, &entries(&all));
     let note = note(study, &all);
     finish(&mut d, end + 2.0, &note);
     let far = all.iter().filter(|c| (0..count).any(|k| beyond(&scales[k], c.values[k]))).count();
@@ -122,7 +122,8 @@ fn beats(a: &[f64], b: &[f64]) -> bool {
 fn layout(pairs: usize, scales: &[Scale]) -> Layout {
     let left = scales[1..].iter().map(|s| number_room(s, 4)).fold(0.0, f64::max) - MARGIN;
     let height = if pairs == 1 { 150.0 } else { 74.0 };
-    Layout { left, both: true, height, below: 2.0 * LABELS + 7.0, top: MARGIN }
+    let below = vec![2.0 * LABELS + 7.0; pairs.div_ceil(2)];
+    Layout { left, both: true, height, top: MARGIN, count: pairs, below }
 }
 
 fn frame(d: &mut Drawing, panel: &Panel, objectives: &[Rows], (x, y): (usize, usize), left: f64) {
@@ -183,7 +184,7 @@ fn front_sign(d: &mut Drawing, at: (f64, f64)) {
 }
 
 fn dominated_sign(d: &mut Drawing, at: (f64, f64)) {
-    d.mark(at, 2.0, Mark::Circle, tint(SLATE, 0.55), Some(PAPER));
+    d.mark(at, 2.0, Mark::Circle, tint(SLATE, 0.75), Some(PAPER));
 }
 
 fn entries(all: &[Candidate]) -> Vec<(&'static str, &'static Sign)> {

@@ -30,7 +30,7 @@ pub fn draw(rows: &Rows, options: &Options) -> Result<(Drawing, String), PlotErr
     let last = ranked.len() as f64;
     let scale = Scale::linear(1.0, last.max(2.0));
     let title = format!("rank of {} (1 is best)", rows.name());
-    let end = colour_bar(&mut d, layout.end(pairs.len()), &title, &scale, |share| ramp(1.0 - share));
+    let end = colour_bar(&mut d, layout.end(), &title, &scale, |share| ramp(1.0 - share));
     let end = legend(&mut d, (MARGIN, end), INNER, &entries(rows));
     let note = format!("{} with a value.{}{}{thinned}", plural(ranked.len(), "trial"), note(left_out), chosen.note());
     finish(&mut d, end + 2.0, &note);

@@ -1,7 +1,7 @@
 //! Value over each parameter.
 
 use super::panels::{
-    INNER, LABELS, Layout, POINTS, across, best_sign, borders, colour_bar, dot, finish, heading, infeasible_sign,
+    INNER, Layout, POINTS, across, best_sign, borders, colour_bar, dot, finish, heading, infeasible_sign,
     number_colour, number_room, numbers_upward, radius, thinning,
 };
 use super::parameters::{Axis, choose};
@@ -30,12 +30,11 @@ pub fn draw(rows: &Rows, options: &Options) -> Result<(Drawing, String), PlotErr
     let mut d = Drawing::new();
     let scale = rows.scale(rows.scored().map(|(_, v)| v));
     let numbers = Scale::linear(0.0, rows.all.last().map_or(1.0, Row::number).max(1.0));
-    let count = chosen.axes.len();
     let layout = layout(&chosen.axes, &scale);
     d.text((MARGIN, MARGIN + SMALL), text::shorten(&rows.axis_title(), INNER, SMALL, false), Type::PLAIN);
     let (every, thinned) = thinning(found, POINTS);
     for (i, axis) in chosen.axes.iter().enumerate() {
-        let (at, size) = layout.cell(i, count);
+        let (at, size) = layout.cell(i);
         let panel = Panel { at, size, x: axis.scale, y: scale };
         numbers_upward(&mut d, &panel, if i % 2 == 0 { layout.left } else { 0.0 });
         across(&mut d, &panel, axis, true);
@@ -43,9 +42,8 @@ pub fn draw(rows: &Rows, options: &Options) -> Result<(Drawing, String), PlotErr
         heading(&mut d, &panel, at.0, &axis.name);
         points(&mut d, &panel, rows, axis, (&numbers, every));
     }
-    let end = colour_bar(&mut d, layout.end(count), "trial", &numbers, |share| {
-        number_colour(&Scale::linear(0.0, 1.0), share)
-    });
+    let end =
+        colour_bar(&mut d, layout.end(), "trial", &numbers, |share| number_colour(&Scale::linear(0.0, 1.0), share));
     let end = legend(&mut d, (MARGIN, end), INNER, &entries(rows));
     let note = format!("{}{}{thinned}", plural(found, "trial") + " with a value.", chosen.note());
     finish(&mut d, end + 2.0, &note);
@@ -63,15 +61,15 @@ pub fn draw(rows: &Rows, options: &Options) -> Result<(Drawing, String), PlotErr
 }
 
 fn layout(axes: &[Axis], scale: &Scale) -> Layout {
-    let rows = if axes.iter().any(|a| a.choices().is_some()) { 2.0 } else { 1.0 };
-    let height = if axes.len() == 1 { 110.0 } else { 54.0 };
-    Layout {
+    let layout = Layout {
         left: number_room(scale, 3) - MARGIN,
         both: false,
-        height,
-        below: rows * LABELS + 6.0,
+        height: if axes.len() == 1 { 110.0 } else { 54.0 },
         top: MARGIN + SMALL + 5.0,
-    }
+        count: axes.len(),
+        below: Vec::new(),
+    };
+    layout.over(axes.iter(), 6.0)
 }
 
 fn points(d: &mut Drawing, panel: &Panel, rows: &Rows, axis: &Axis, (numbers, every): (&Scale, usize)) {

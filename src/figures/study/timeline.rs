@@ -61,7 +61,7 @@ pub fn draw(rows: &Rows) -> Result<(Drawing, String), PlotError> {
     let packed = rows.all.len() > LINES;
     let lines = if packed { pack(&mut bars) } else { rows.all.len() };
     let end = bars.iter().map(|bar| bar.to).fold(0.0, f64::max);
-    let panel = panel(lines, end);
+    let panel = panel(lines, if packed { 16.0 } else { 9.0 }, end);
     let mut d = Drawing::new();
     d.text((MARGIN, MARGIN + SMALL), if packed { "trials side by side" } else { "trial" }, Type::PLAIN);
     numbers(&mut d, &panel, lines, packed);
@@ -138,10 +138,10 @@ fn duration(seconds: f64) -> String {
     format!("{} {unit}", crate::figures::axes::short(length))
 }
 
-fn panel(lines: usize, end: f64) -> Panel {
+fn panel(lines: usize, pitch: f64, end: f64) -> Panel {
     let last = lines.max(1) as f64 - 1.0;
     let left = MARGIN + Type::PLAIN.width(&last.to_string()) + 6.0;
-    let height = (9.0 * lines as f64).clamp(36.0, 240.0);
+    let height = (pitch * lines as f64).clamp(36.0, 240.0);
     Panel {
         at: (left, MARGIN + SMALL + 5.0),
         size: (WIDTH - left - MARGIN - 6.0, height),
@@ -195,7 +195,7 @@ fn time_ticks(origin: DateTime, end: f64) -> Vec<(f64, String)> {
 
 fn draw_bar(d: &mut Drawing, panel: &Panel, bar: &Bar) {
     let pitch = panel.size.1 / (panel.y.low - panel.y.high);
-    let height = (pitch * 0.74).clamp(0.5, 9.0);
+    let height = (pitch * 0.74).clamp(0.5, 12.0);
     let (x, y) = panel.point(bar.from, bar.line as f64);
     let full = panel.point(bar.to, 0.0).0 - x;
     // A gap shows where one trial ends and the next begins.
