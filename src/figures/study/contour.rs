@@ -1,12 +1,12 @@
 //! Value over pairs of parameters, interpolated between the trials.
 
 use super::pairs::{PANELS, Pair, frame, layout, note, pairs, panel};
-use super::panels::{INNER, POINTS, best_sign, colour_bar, dot, finish, infeasible_sign, thinning};
+use super::panels::{INNER, POINTS, best_sign, colour_bar, dot, finish, infeasible_sign, radius, thinning};
 use super::parameters::{Axis, choose};
-use super::rows::{Rows, plural, within};
+use super::rows::{Row, Rows, plural, within};
 use super::slice::entries;
 use super::{Options, PlotError, StudyPlot};
-use crate::figures::axes::{Panel, Scale, legend};
+use crate::figures::axes::{Panel, Scale, Sign, legend};
 use crate::figures::drawing::Drawing;
 use crate::figures::style::{Colour, MARGIN, PAPER, ramp};
 use crate::search::Direction;
@@ -52,9 +52,8 @@ pub fn draw(rows: &Rows, options: &Options) -> Result<(Drawing, String), PlotErr
     Ok((d, caption))
 }
 
-fn legend_entries(rows: &Rows) -> Vec<(&'static str, &'static crate::figures::axes::Sign)> {
-    let mut all: Vec<(&'static str, &'static crate::figures::axes::Sign)> =
-        vec![("observed", &|d, p| dot(d, p, 1.5, PAPER))];
+fn legend_entries(rows: &Rows) -> Vec<(&'static str, &'static Sign)> {
+    let mut all: Vec<(&'static str, &'static Sign)> = vec![("observed", &|d, p| dot(d, p, 1.5, PAPER))];
     all.extend(entries(rows));
     all
 }
@@ -73,7 +72,7 @@ struct Sample {
 }
 
 fn samples((x, y): Pair, rows: &Rows, scale: &Scale) -> Vec<Sample> {
-    let sample = |(row, value): (&super::rows::Row, f64)| {
+    let sample = |(row, value): (&Row, f64)| {
         let place = [x.scale.share(x.of(row.trial)?), y.scale.share(y.of(row.trial)?)];
         Some(Sample { place, value: within(scale, value) })
     };
@@ -134,9 +133,9 @@ fn interpolate(samples: &[Sample], at: [f64; 2], pair: Pair) -> Option<f64> {
 }
 
 fn points(d: &mut Drawing, panel: &Panel, (x, y): Pair, rows: &Rows, every: usize) {
-    let size = super::panels::radius(rows.scored().count()) * 0.75;
+    let size = radius(rows.scored().count()) * 0.75;
     let best = rows.best().map(|(row, _)| row.trial.number);
-    let place = |row: &super::rows::Row| Some(panel.point(x.spread(row.trial)?, y.spread_up(row.trial)?));
+    let place = |row: &Row| Some(panel.point(x.spread(row.trial)?, y.spread_up(row.trial)?));
     for (row, _) in rows.scored().step_by(every) {
         match place(row) {
             Some(at) if row.feasible => dot(d, at, size, PAPER),

@@ -2,7 +2,7 @@
 
 use super::panels::{LABELS, Layout, across, borders, heading, label_rows, upward};
 use super::parameters::{Axis, Chosen};
-use super::rows::Rows;
+use super::rows::{Row, Rows};
 use super::{PlotError, StudyPlot};
 use crate::figures::axes::Panel;
 use crate::figures::drawing::{Anchor, Drawing, Type};
@@ -28,7 +28,7 @@ pub fn pairs<'c>(
         return Err(PlotError::TooFewParameters { plot, found: chosen.axes.len() });
     }
     let both = |(x, y): &Pair| {
-        let has = |axis: &Axis, row: &super::rows::Row| axis.of(row.trial).is_some();
+        let has = |axis: &Axis, row: &Row| axis.of(row.trial).is_some();
         rows.scored().filter(|(row, _)| has(x, row) && has(y, row)).count()
     };
     let axes = &chosen.axes;

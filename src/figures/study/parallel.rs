@@ -1,8 +1,8 @@
 //! A line a trial through all parameters.
 
 use super::panels::{INNER, finish, number_ticks};
-use super::parameters::{Axis, choose};
-use super::rows::{Row, Rows, beyond, plural, within};
+use super::parameters::{Axis, Chosen, choose};
+use super::rows::{Row, Rows, plural, within};
 use super::{Options, PlotError, StudyPlot};
 use crate::figures::axes::{Scale, Sign, legend};
 use crate::figures::drawing::{Anchor, Drawing, Point, Stroke, Type};
@@ -70,19 +70,19 @@ pub fn draw(rows: &Rows, options: &Options) -> Result<(Drawing, String), PlotErr
     let thinned = if every > 1 { format!(" One of every {every} other trials is shown.") } else { String::new() };
     let note = format!("{} with a value.{}{thinned}", plural(found, "trial"), chosen.note());
     finish(&mut d, end + 2.0, &note);
-    let far = rows.scored().filter(|(_, v)| beyond(&rails[0].scale, *v)).count();
-    let border =
-        if far > 0 { format!(" {} beyond the scale, at its end.", plural(far, "trial")) } else { String::new() };
-    let caption = format!(
+    Ok((d, caption(rows, &chosen, &rails[0].scale, (tenth, &note))))
+}
+
+fn caption(rows: &Rows, chosen: &Chosen, scale: &Scale, (tenth, note): (usize, &str)) -> String {
+    format!(
         "One line a trial through {} and the parameters, the most important first. A line breaks where the trial does not \
-         have the parameter; a point is a value between two breaks. The best {} and the best of all stand out.{border}{} \
-         {note}{}",
+         have the parameter; a point is a value between two breaks. The best {} and the best of all stand out.{}{} {note}{}",
         rows.name(),
         plural(tenth, "feasible trial"),
+        rows.note_beyond(scale, "end"),
         chosen.note_spread(),
         rows.note_left_out()
-    );
-    Ok((d, caption))
+    )
 }
 
 fn rails(rows: &Rows, axes: &[Axis]) -> Vec<Rail> {

@@ -5,7 +5,7 @@ use super::panels::{
     INNER, LABELS, Layout, borders, dot, finish, infeasible_sign, number_labels, number_room, number_ticks,
     numbers_upward, thinning,
 };
-use super::rows::{Rows, all_values, beyond, objective_name, plural, within};
+use super::rows::{Row, Rows, all_values, beyond, objective_name, plural, within};
 use crate::figures::axes::{Panel, Scale, Sign, legend};
 use crate::figures::drawing::{Anchor, Drawing, Stroke, Type};
 use crate::figures::style::{BLUE, GRID, MARGIN, Mark, PAPER, SLATE, SMALL, tint};
@@ -91,7 +91,7 @@ fn note(study: &StoredStudy, all: &[Candidate]) -> String {
 /// Trials with a finite value of each objective, in the order of their first loss.
 fn candidates(study: &StoredStudy) -> Result<Vec<Candidate>, PlotError> {
     let rows = Rows::new(study, 0)?;
-    let candidate = |row: &super::rows::Row| {
+    let candidate = |row: &Row| {
         let values = all_values(row.trial, study.directions.len())?;
         let losses = values.iter().zip(&study.directions).map(|(v, way)| way.as_loss(*v)).collect();
         let standing = if row.feasible { Standing::Dominated } else { Standing::Infeasible };

@@ -150,6 +150,14 @@ impl<'a> Rows<'a> {
         text + &self.note_left_out()
     }
 
+    /// How many trials stand at the end of a scale because their value lies beyond it, as [`Rows::note_left_out`].
+    pub fn note_beyond(&self, scale: &Scale, place: &str) -> String {
+        match self.scored().filter(|(_, v)| beyond(scale, *v)).count() {
+            0 => String::new(),
+            n => format!(" {} beyond the scale, at its {place}.", plural(n, "trial")),
+        }
+    }
+
     /// How many values are left out, as a sentence with a space before it; empty if none is.
     pub fn note_left_out(&self) -> String {
         match self.left_out() {

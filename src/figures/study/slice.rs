@@ -4,8 +4,8 @@ use super::panels::{
     INNER, Layout, POINTS, across, best_sign, borders, colour_bar, dot, finish, heading, infeasible_sign,
     number_colour, number_room, numbers_upward, radius, thinning,
 };
-use super::parameters::{Axis, choose};
-use super::rows::{Row, Rows, beyond, plural, within};
+use super::parameters::{Axis, Chosen, choose};
+use super::rows::{Row, Rows, plural, within};
 use super::{Options, PlotError, StudyPlot};
 use crate::figures::axes::{Panel, Scale, Sign, legend};
 use crate::figures::drawing::{Drawing, Type};
@@ -36,28 +36,33 @@ pub fn draw(rows: &Rows, options: &Options) -> Result<(Drawing, String), PlotErr
     for (i, axis) in chosen.axes.iter().enumerate() {
         let (at, size) = layout.cell(i);
         let panel = Panel { at, size, x: axis.scale, y: scale };
-        numbers_upward(&mut d, &panel, if i % 2 == 0 { layout.left } else { 0.0 });
-        across(&mut d, &panel, axis, true);
-        borders(&mut d, &panel);
-        heading(&mut d, &panel, at.0, &axis.name);
+        frame(&mut d, &panel, axis, if i % 2 == 0 { layout.left } else { 0.0 });
         points(&mut d, &panel, rows, axis, (&numbers, every));
     }
-    let end =
-        colour_bar(&mut d, layout.end(), "trial", &numbers, |share| number_colour(&Scale::linear(0.0, 1.0), share));
+    let unit = Scale::linear(0.0, 1.0);
+    let end = colour_bar(&mut d, layout.end(), "trial", &numbers, |share| number_colour(&unit, share));
     let end = legend(&mut d, (MARGIN, end), INNER, &entries(rows));
-    let note = format!("{}{}{thinned}", plural(found, "trial") + " with a value.", chosen.note());
+    let note = format!("{} with a value.{}{thinned}", plural(found, "trial"), chosen.note());
     finish(&mut d, end + 2.0, &note);
-    let far = rows.scored().filter(|(_, v)| beyond(&scale, *v)).count();
-    let border =
-        if far > 0 { format!(" {} beyond the scale, at its border.", plural(far, "trial")) } else { String::new() };
-    let caption = format!(
-        "Value of {} over each parameter, the most important first; a trial without the parameter is not in its \
-         panel.{border}{} {note}{}",
+    Ok((d, caption(rows, &chosen, &scale, &note)))
+}
+
+fn frame(d: &mut Drawing, panel: &Panel, axis: &Axis, left: f64) {
+    numbers_upward(d, panel, left);
+    across(d, panel, axis, true);
+    borders(d, panel);
+    heading(d, panel, panel.at.0, &axis.name);
+}
+
+fn caption(rows: &Rows, chosen: &Chosen, scale: &Scale, note: &str) -> String {
+    format!(
+        "Value of {} over each parameter, the most important first; a trial without the parameter is not in its panel.{}{} \
+         {note}{}",
         rows.name(),
+        rows.note_beyond(scale, "border"),
         chosen.note_spread(),
         rows.note_left_out()
-    );
-    Ok((d, caption))
+    )
 }
 
 fn layout(axes: &[Axis], scale: &Scale) -> Layout {
