@@ -1,7 +1,7 @@
 //! Share of trials up to each value, of one study or several.
 
 use super::panels::{INNER, finish, number_room, number_ticks};
-use super::rows::Rows;
+use super::rows::{Rows, plural};
 use super::{Options, PlotError, StudyPlot};
 use crate::figures::axes::{Panel, Scale, Sign, legend};
 use crate::figures::drawing::{Drawing, Stroke};
@@ -40,7 +40,10 @@ pub fn draw(rows: &Rows, options: &Options) -> Result<(Drawing, String), PlotErr
         panel.curve(&mut d, &steps(values, &scale), look);
     }
     let end = study_legend(&mut d, end + 13.0, shown, &curves);
-    let mut note: String = shown.iter().map(|r| r.note_left_out()).find(|n| !n.is_empty()).unwrap_or_default();
+    let mut note = match shown.iter().map(Rows::left_out).sum() {
+        0 => String::new(),
+        n => format!(" {} left out: not finite.", plural(n, "value")),
+    };
     if all.len() > shown.len() {
         note += &format!(" {} of {} studies are shown.", shown.len(), all.len());
     }
@@ -93,7 +96,7 @@ fn steps(values: &[f64], scale: &Scale) -> Vec<(f64, f64)> {
 
 fn study_legend(d: &mut Drawing, top: f64, shown: &[Rows], curves: &[Vec<f64>]) -> f64 {
     let name = |(rows, values): (&Rows, &Vec<f64>)| {
-        let count = format!(" ({})", super::plural(values.len(), "trial"));
+        let count = format!(" ({})", plural(values.len(), "trial"));
         let room = INNER - 20.0 - text::width(&count, SMALL, false);
         text::shorten(&rows.study.name, room, SMALL, false) + &count
     };

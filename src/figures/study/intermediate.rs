@@ -3,7 +3,7 @@
 use super::PlotError;
 use super::panels::{INNER, finish, number_room, number_ticks, numbers_upward};
 use super::rows::{Row, Rows, beyond, drawable, plural};
-use crate::figures::axes::{Panel, Scale, legend};
+use crate::figures::axes::{Panel, Scale, extent, legend};
 use crate::figures::curves::{Trace, draw_traces, trace_entries};
 use crate::figures::drawing::{Drawing, Type};
 use crate::figures::style::{BLUE, MARGIN, SLATE, SMALL, WIDTH, tint};
@@ -75,8 +75,8 @@ fn singles(d: &mut Drawing, panel: &Panel, traces: &[Trace]) {
 
 fn panel(rows: &Rows, traces: &[Trace]) -> Panel {
     let points = || traces.iter().flat_map(|t| t.points.iter());
-    let low = points().map(|p| p.0).fold(f64::INFINITY, f64::min).min(points().count() as f64);
-    let high = points().map(|p| p.0).fold(low + 1.0, f64::max);
+    let (low, high) = extent(points().map(|p| p.0));
+    let high = high.max(low + (1e-9 * low.abs()).max(1.0));
     let y = rows.scale(points().map(|p| p.1));
     let left = number_room(&y, 7);
     Panel { at: (left, 22.0), size: (WIDTH - left - MARGIN - 4.0, 130.0), x: Scale::linear(low, high), y }

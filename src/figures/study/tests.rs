@@ -137,6 +137,17 @@ fn users_are_told_what_is_missing() {
     assert!(error(StudyPlot::Edf, &one, &compare).contains("other direction"));
 }
 
+#[test]
+fn steps_begin_where_the_reports_do() {
+    let mut study = fixture::study(6, 3, 1);
+    for trial in &mut study.trials {
+        trial.intermediate = trial.intermediate.iter().map(|(step, value)| (step + 1000, *value)).collect();
+    }
+    let (d, _) = shapes(StudyPlot::Intermediate, &study, &Options::default()).unwrap();
+    let texts: Vec<&str> = d.shapes.iter().filter_map(text_box).map(|(_, t)| t).collect();
+    assert!(texts.contains(&"1,005") && texts.contains(&"1,015") && !texts.contains(&"500"), "{texts:?}");
+}
+
 fn circles(d: &Drawing, colour: [u8; 3]) -> usize {
     d.shapes.iter().filter(|s| matches!(s, Shape::Circle { fill: Some(c), .. } if *c == colour)).count()
 }
