@@ -1,7 +1,7 @@
 //! Training curves: losses of the refits, and the objective of every trial epoch by epoch.
 
 use super::axes::{Panel, Scale, Sign, legend, short};
-use super::drawing::{Drawing, Point, Stroke, Type};
+use super::drawing::{Drawing, Stroke, Type};
 use super::history;
 use super::style::{self, BLUE, HEADING, MARGIN, Mark, PAPER, SLATE, WIDTH, tint};
 use crate::evaluate::Arm;
@@ -94,13 +94,10 @@ pub fn trials(run: &RunArtefacts) -> (Drawing, String) {
     let mut d = Drawing::new();
     panel.vertical(&mut d, "objective on validation (less is better)");
     let end = panel.horizontal(&mut d, &panel.x.ticks(5), "epoch", false);
-    for trial in drawn.iter().filter(|t| Some(t.number) != best) {
-        trial_line(&mut d, &panel, trial, false);
-    }
-    if let Some(trial) = drawn.iter().find(|t| Some(t.number) == best) {
-        trial_line(&mut d, &panel, trial, true);
-    }
-    let end = legend(&mut d, (MARGIN, end + 13.0), WIDTH - 2.0 * MARGIN, &trial_entries(&drawn, best.is_some()));
+    let traces: Vec<Trace> = drawn.iter().map(|t| trace(t, Some(t.number) == best)).collect();
+    draw_traces(&mut d, &panel, &traces);
+    let signs = trace_entries(&traces, "best trial and epoch");
+    let end = legend(&mut d, (MARGIN, end + 13.0), WIDTH - 2.0 * MARGIN, &signs);
     d.end_at(end - Type::PLAIN.line());
     (d, trials_caption(run, &drawn))
 }
@@ -142,31 +139,53 @@ fn trial_stroke(state: TrialState, best: bool) -> Stroke {
     }
 }
 
-fn trial_line(d: &mut Drawing, panel: &Panel, trial: &TrialArtefact, best: bool) {
-    let points: Vec<(f64, f64)> = trial.curve.iter().map(|r| (f64::from(r.epoch), r.objective)).collect();
-    panel.curve(d, &points, trial_stroke(trial.state, best));
-    let Some((epoch, value)) = points.iter().rev().find(|p| p.1.is_finite()) else { return };
+/// A trial's reported values, to be drawn as a line.
+pub struct Trace {
+    /// How far it got.
+    pub state: TrialState,
+    /// Whether it is the best trial of the study.
+    pub best: bool,
+    /// Step and value of each report.
+    pub points: Vec<(f64, f64)>,
+    /// Where the sign of the best trial stands; at its last value without.
+    pub peak: Option<(f64, f64)>,
+}
+
+fn trace(trial: &TrialArtefact, best: bool) -> Trace {
+    let point = |r: &EpochRecord| (f64::from(r.epoch), r.objective);
+    let record = trial.best_epoch.and_then(|epoch| trial.curve.iter().find(|r| r.epoch == epoch));
+    Trace { state: trial.state, best, points: trial.curve.iter().map(point).collect(), peak: record.map(point) }
+}
+
+/// Lines of all trials, the best one over the others.
+pub fn draw_traces(d: &mut Drawing, panel: &Panel, traces: &[Trace]) {
+    for trace in traces.iter().filter(|t| !t.best).chain(traces.iter().filter(|t| t.best)) {
+        trace_line(d, panel, trace);
+    }
+}
+
+fn trace_line(d: &mut Drawing, panel: &Panel, trace: &Trace) {
+    panel.curve(d, &trace.points, trial_stroke(trace.state, trace.best));
+    let Some((epoch, value)) = trace.points.iter().rev().find(|p| p.1.is_finite()) else { return };
     let (x, y) = panel.point(*epoch, *value);
-    let at = (x, y.max(panel.at.1));
-    match trial.state {
+    let at = (x, y.clamp(panel.at.1, panel.at.1 + panel.size.1));
+    match trace.state {
         TrialState::Pruned => d.mark(at, 4.2, Mark::Triangle, SLATE, Some(PAPER)),
         TrialState::Fail => d.mark(at, 4.2, Mark::Cross, SLATE, None),
-        _ if best => d.mark(best_point(panel, trial, at), 4.4, Mark::Square, BLUE, Some(PAPER)),
+        _ if trace.best => {
+            let peak = trace.peak.map_or(at, |(x, y)| panel.point(x, y));
+            d.mark(peak, 4.4, Mark::Square, BLUE, Some(PAPER));
+        }
         _ => {}
     }
 }
 
-/// Where the best trial had its best value.
-fn best_point(panel: &Panel, trial: &TrialArtefact, end: Point) -> Point {
-    let record = trial.best_epoch.and_then(|epoch| trial.curve.iter().find(|r| r.epoch == epoch));
-    record.map_or(end, |r| panel.point(f64::from(r.epoch), r.objective))
-}
-
-fn trial_entries(drawn: &[&TrialArtefact], best: bool) -> Vec<(&'static str, &'static Sign)> {
-    let has = |state| drawn.iter().any(|t| t.state == state);
+/// Legend of the lines; `best` names the best trial's.
+pub fn trace_entries(traces: &[Trace], best: &'static str) -> Vec<(&'static str, &'static Sign)> {
+    let has = |state| traces.iter().any(|t| t.state == state);
     let mut entries: Vec<(&'static str, &'static Sign)> = Vec::new();
-    if best {
-        entries.push(("best trial and epoch", &|d, (x, y)| {
+    if traces.iter().any(|t| t.best) {
+        entries.push((best, &|d, (x, y)| {
             d.line(&[(x - 6.0, y), (x + 6.0, y)], Stroke::solid(BLUE, 1.8));
             d.mark((x, y), 4.4, Mark::Square, BLUE, Some(PAPER));
         }));

@@ -3,7 +3,7 @@
 use super::axes::{Panel, Scale, Sign, legend, short};
 use super::drawing::{Drawing, Point, Stroke, Type};
 use super::style::{BEST, BLUE, MARGIN, Mark, SLATE, WIDTH};
-use crate::search::TrialState;
+use crate::search::{Direction, TrialState};
 use crate::tables::artefacts::{RunArtefacts, TrialArtefact};
 
 const LEFT: f64 = 38.0;
@@ -26,12 +26,15 @@ pub fn draw(run: &RunArtefacts) -> (Drawing, String) {
     let panel = panel(trials);
     let mut d = Drawing::new();
     panel.vertical(&mut d, "objective on validation (less is better)");
-    let end = panel.horizontal(&mut d, &ticks(trials), "trial", false);
-    panel.curve(&mut d, &best_line(trials), Stroke::solid(BEST, 1.6));
+    let numbers: Vec<u32> = trials.iter().map(|t| t.number).collect();
+    let end = panel.horizontal(&mut d, &ticks(&numbers), "trial", false);
+    let values: Vec<(u32, Option<f64>)> = trials.iter().map(|t| (t.number, complete_value(t))).collect();
+    panel.curve(&mut d, &best_line(&values, Direction::Minimize), Stroke::solid(BEST, 1.6));
     for trial in trials {
         mark(&mut d, &panel, trial);
     }
-    let end = legend(&mut d, (MARGIN, end + 13.0), WIDTH - 2.0 * MARGIN, &entries(trials));
+    let signs = entries(|state| count(trials, state) > 0);
+    let end = legend(&mut d, (MARGIN, end + 13.0), WIDTH - 2.0 * MARGIN, &signs);
     let note = summary(trials);
     let end = d.paragraph((MARGIN, end + 3.0), WIDTH - 2.0 * MARGIN, &note, Type::NOTE);
     d.end_at(end - Type::NOTE.line());
@@ -76,66 +79,64 @@ fn panel(trials: &[TrialArtefact]) -> Panel {
     }
 }
 
-fn ticks(trials: &[TrialArtefact]) -> Vec<(f64, String)> {
-    let step = (trials.len().div_ceil(10)).max(1);
+/// About ten round numbers of trials.
+pub fn ticks(numbers: &[u32]) -> Vec<(f64, String)> {
+    let step = (numbers.len().div_ceil(10)).max(1);
     let step = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000].into_iter().find(|s| *s >= step).unwrap_or(step);
-    trials
-        .iter()
-        .filter(|t| (t.number as usize).is_multiple_of(step))
-        .map(|t| (f64::from(t.number), t.number.to_string()))
-        .collect()
+    let round = numbers.iter().filter(|n| (**n as usize).is_multiple_of(step));
+    round.map(|n| (f64::from(*n), n.to_string())).collect()
 }
 
 /// Steps of the best value so far.
-fn best_line(trials: &[TrialArtefact]) -> Vec<(f64, f64)> {
+pub fn best_line(values: &[(u32, Option<f64>)], direction: Direction) -> Vec<(f64, f64)> {
     let mut points: Vec<(f64, f64)> = Vec::new();
-    let mut least = f64::INFINITY;
-    for trial in trials {
-        let x = f64::from(trial.number);
-        if least.is_finite() {
-            points.push((x, least));
-        }
-        if let Some(value) = complete_value(trial).filter(|v| *v < least) {
-            least = value;
-            points.push((x, least));
+    let mut best: Option<f64> = None;
+    for (number, value) in values {
+        let x = f64::from(*number);
+        points.extend(best.map(|b| (x, b)));
+        let better = |v: &f64| best.is_none_or(|b| direction.as_loss(*v) < direction.as_loss(b));
+        if let Some(value) = value.filter(better) {
+            best = Some(value);
+            points.push((x, value));
         }
     }
-    if let (Some(last), true) = (trials.last(), least.is_finite()) {
-        points.push((f64::from(last.number) + 0.6, least));
-    }
+    points.extend(values.last().zip(best).map(|((last, _), b)| (f64::from(*last) + 0.6, b)));
     points
 }
 
-fn mark(d: &mut Drawing, panel: &Panel, trial: &TrialArtefact) {
-    let x = f64::from(trial.number);
-    let top = panel.at.1 + 4.0;
-    let place = |value: Option<f64>| -> Point {
-        let (px, py) = panel.point(x, value.unwrap_or(panel.y.high));
-        (px, py.max(top))
-    };
-    match trial.state {
-        TrialState::Complete => {
-            if let Some(value) = complete_value(trial) {
-                d.mark(place(Some(value)), 4.6, Mark::Circle, BLUE, Some(BLUE));
-            }
-        }
-        TrialState::Pruned => d.mark(place(last_value(trial)), 4.6, Mark::Triangle, SLATE, Some([255; 3])),
-        TrialState::Fail => d.mark(place(None), 4.6, Mark::Cross, SLATE, None),
+/// The sign of a trial that is over, `size` points across.
+pub fn sign(d: &mut Drawing, at: Point, size: f64, state: TrialState) {
+    match state {
+        TrialState::Complete => d.mark(at, size, Mark::Circle, BLUE, Some(BLUE)),
+        TrialState::Pruned => d.mark(at, size, Mark::Triangle, SLATE, Some([255; 3])),
+        TrialState::Fail => d.mark(at, size, Mark::Cross, SLATE, None),
         TrialState::Running | TrialState::Waiting => {}
     }
 }
 
-fn entries(trials: &[TrialArtefact]) -> Vec<(&'static str, &'static Sign)> {
+fn mark(d: &mut Drawing, panel: &Panel, trial: &TrialArtefact) {
+    let value = match trial.state {
+        TrialState::Complete if complete_value(trial).is_none() => return,
+        TrialState::Complete => complete_value(trial),
+        TrialState::Pruned => last_value(trial),
+        _ => None,
+    };
+    let (x, y) = panel.point(f64::from(trial.number), value.unwrap_or(panel.y.high));
+    sign(d, (x, y.max(panel.at.1 + 4.0)), 4.6, trial.state);
+}
+
+/// Legend of the states that `has` finds among the trials.
+pub fn entries(has: impl Fn(TrialState) -> bool) -> Vec<(&'static str, &'static Sign)> {
     let mut entries: Vec<(&'static str, &'static Sign)> = Vec::new();
-    if count(trials, TrialState::Complete) > 0 {
-        entries.push(("complete", &|d, p| d.mark(p, 4.6, Mark::Circle, BLUE, Some(BLUE))));
+    if has(TrialState::Complete) {
+        entries.push(("complete", &|d, p| sign(d, p, 4.6, TrialState::Complete)));
         entries.push(("best so far", &|d, (x, y)| d.line(&[(x - 6.0, y), (x + 6.0, y)], Stroke::solid(BEST, 1.6))));
     }
-    if count(trials, TrialState::Pruned) > 0 {
-        entries.push(("pruned, at its last value", &|d, p| d.mark(p, 4.6, Mark::Triangle, SLATE, Some([255; 3]))));
+    if has(TrialState::Pruned) {
+        entries.push(("pruned, at its last value", &|d, p| sign(d, p, 4.6, TrialState::Pruned)));
     }
-    if count(trials, TrialState::Fail) > 0 {
-        entries.push(("failed", &|d, p| d.mark(p, 4.6, Mark::Cross, SLATE, None)));
+    if has(TrialState::Fail) {
+        entries.push(("failed", &|d, p| sign(d, p, 4.6, TrialState::Fail)));
     }
     entries
 }

@@ -27,7 +27,12 @@ pub fn draw(run: &RunArtefacts) -> (Drawing, String) {
         );
         return (Drawing::sentence(&why), why);
     }
-    let rows = &run.importance[..run.importance.len().min(SHOWN)];
+    chart(&run.importance, finished)
+}
+
+/// The figure of at least one row, by falling importance, of a study with `finished` trials.
+pub fn chart(all: &[ImportanceRow], finished: usize) -> (Drawing, String) {
+    let rows = &all[..all.len().min(SHOWN)];
     let mut d = Drawing::new();
     let panel = panel(rows);
     let ticks = panel.x.ticks(4);
@@ -35,7 +40,7 @@ pub fn draw(run: &RunArtefacts) -> (Drawing, String) {
     for (i, row) in rows.iter().enumerate() {
         bar(&mut d, &panel, row, panel.at.1 + (i as f64 + 0.5) * ROW);
     }
-    let note = note(run, finished);
+    let note = note(all, finished);
     let end = d.paragraph((MARGIN, end + 13.0), WIDTH - 2.0 * MARGIN, &note, Type::NOTE);
     d.end_at(end - Type::NOTE.line());
     let caption = format!(
@@ -77,15 +82,15 @@ fn number(value: f64) -> String {
     if value > 0.0 && value < 0.005 { "<0.01".to_owned() } else { fixed(value, 2) }
 }
 
-fn note(run: &RunArtefacts, finished: usize) -> String {
+fn note(all: &[ImportanceRow], finished: usize) -> String {
     let mut note = if finished < STABLE {
         format!("{finished} finished trials: under {STABLE}, the ranking is not stable.")
     } else {
         format!("{finished} finished trials.")
     };
-    if run.importance.len() > SHOWN {
-        let rest: f64 = run.importance[SHOWN..].iter().map(|r| r.value).sum();
-        note += &format!(" {} more hyper-parameters share {}.", run.importance.len() - SHOWN, number(rest));
+    if all.len() > SHOWN {
+        let rest: f64 = all[SHOWN..].iter().map(|r| r.value).sum();
+        note += &format!(" {} more hyper-parameters share {}.", all.len() - SHOWN, number(rest));
     }
     note
 }

@@ -6,6 +6,7 @@
 
 pub mod axes;
 pub mod drawing;
+pub mod study;
 pub mod style;
 
 mod curves;

@@ -100,6 +100,19 @@ pub fn tint(colour: Colour, share: f64) -> Colour {
     colour.map(|c| (255.0 - (255.0 - f64::from(c)) * share).round() as u8)
 }
 
+/// Anchors of [`ramp`], evenly spaced.
+const RAMP: [Colour; 5] =
+    [[0xf6, 0xf1, 0xc6], [0xa6, 0xd6, 0xb6], [0x4b, 0xa5, 0xb8], [0x20, 0x6b, 0xa6], [0x16, 0x2a, 0x5e]];
+
+/// A colour between pale yellow (0) and dark blue (1). It darkens evenly, so that it reads in grey.
+pub fn ramp(share: f64) -> Colour {
+    let place = if share.is_nan() { 0.0 } else { share.clamp(0.0, 1.0) } * (RAMP.len() - 1) as f64;
+    let below = (place as usize).min(RAMP.len() - 2);
+    let rest = place - below as f64;
+    let mix = |c: usize| f64::from(RAMP[below][c]) * (1.0 - rest) + f64::from(RAMP[below + 1][c]) * rest;
+    [0, 1, 2].map(|c| mix(c).round() as u8)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -123,6 +136,14 @@ mod tests {
                 assert_ne!(a.mark, b.mark);
             }
         }
+    }
+
+    #[test]
+    fn the_ramp_darkens_steadily() {
+        let steps: Vec<f64> = (0..=20).map(|i| lightness(ramp(f64::from(i) / 20.0))).collect();
+        assert!(steps.windows(2).all(|s| (2.0..7.0).contains(&(s[0] - s[1]))), "{steps:?}");
+        assert_eq!(ramp(f64::NAN), ramp(0.0));
+        assert_eq!(ramp(7.0), RAMP[4]);
     }
 
     #[test]

@@ -69,6 +69,20 @@ pub fn shorten(text: &str, limit: f64, size: f64, bold: bool) -> String {
     String::new()
 }
 
+/// `text`, with its middle replaced by an ellipsis until it is no wider than `limit`: names often differ at the end.
+pub fn shorten_middle(text: &str, limit: f64, size: f64, bold: bool) -> String {
+    let letters: Vec<char> = text.chars().collect();
+    let mut kept = letters.len();
+    let mut candidate = text.to_owned();
+    while kept > 0 && width(&candidate, size, bold) > limit {
+        kept -= 1;
+        let tail = kept * 2 / 5;
+        let (head, end) = (letters[..kept - tail].iter(), letters[letters.len() - tail..].iter());
+        candidate = head.chain([&'…']).chain(end).collect();
+    }
+    candidate
+}
+
 /// Calls `paint(x, y, coverage)` for every pixel of the text.
 ///
 /// `x`, `y` is the left end of the baseline and `size` the em, in pixels; coverage is in [0, 1].
@@ -119,6 +133,14 @@ mod tests {
             let letters = |s: &str| s.chars().filter(|c| !c.is_whitespace()).collect::<String>();
             assert_eq!(letters(&lines.concat()), letters(text));
         }
+    }
+
+    #[test]
+    fn a_shortened_name_keeps_its_end() {
+        let short = shorten_middle("activation_of_layer_12", 70.0, 7.5, false);
+        assert!(short.starts_with("activat") && short.ends_with("_12") && width(&short, 7.5, false) <= 70.0, "{short}");
+        assert_eq!(shorten_middle("layers", 70.0, 7.5, false), "layers");
+        assert_eq!(shorten_middle("layers", 0.0, 7.5, false), "…");
     }
 
     #[test]
