@@ -2,7 +2,10 @@
 
 use std::path::PathBuf;
 
+use clap::builder::PossibleValuesParser;
 use clap::{Args, Parser, Subcommand, ValueEnum};
+
+use crate::figures::study::StudyPlot;
 
 /// Reproducible camera-characterisation studies from one YAML file.
 #[derive(Debug, Parser)]
@@ -256,6 +259,8 @@ pub enum StudyCommand {
         /// Database or journal to add to; the kind of a new one is that of its ending, as in `export`.
         db: PathBuf,
     },
+    /// Draw plots of a study.
+    Plot(PlotArgs),
     /// Ask for a trial with given values; parameters not named are proposed as usual.
     Enqueue {
         /// Which study.
@@ -265,6 +270,26 @@ pub enum StudyCommand {
         #[arg(long = "set", value_name = "NAME=VALUE", required = true)]
         sets: Vec<String>,
     },
+}
+
+/// Which plots of which study.
+#[derive(Debug, Clone, Args)]
+pub struct PlotArgs {
+    /// Which study.
+    #[command(flatten)]
+    pub place: StudyPlace,
+    /// Which plots; all that the study has data for without.
+    #[arg(value_parser = PossibleValuesParser::new(StudyPlot::ALL.map(StudyPlot::name)))]
+    pub plots: Vec<String>,
+    /// Folder for the SVG and PNG files.
+    #[arg(long, value_name = "DIR", default_value = ".")]
+    pub out: PathBuf,
+    /// A parameter to show, in this order; may be given several times. The most important ones without.
+    #[arg(long = "param", value_name = "NAME")]
+    pub params: Vec<String>,
+    /// Which objective, from 0.
+    #[arg(long, value_name = "K", default_value_t = 0)]
+    pub objective: usize,
 }
 
 /// What is exported, and where to.

@@ -3,7 +3,8 @@
 use std::path::Path;
 
 use super::Failure;
-use super::args::{ExportPlace, Global, StudyArgs, StudyCommand, StudyPlace, TrialsFormatArg};
+use super::args::{ExportPlace, Global, PlotArgs, StudyArgs, StudyCommand, StudyPlace, TrialsFormatArg};
+use crate::figures::study::{self as plots, StudyPlot};
 use crate::search::storage::{self, StoredStudy, StoredTrial, TrialFormat};
 use crate::store;
 
@@ -22,6 +23,7 @@ pub(super) fn study(global: &Global, args: &StudyArgs) -> Result<(), Failure> {
             storage::import(file, db)?.iter().for_each(|name| println!("{name}"));
             Ok(())
         }
+        StudyCommand::Plot(args) => plot(args),
         StudyCommand::Enqueue { place, sets } => enqueue(place, sets),
     }
 }
@@ -79,5 +81,18 @@ fn enqueue(place: &StudyPlace, sets: &[String]) -> Result<(), Failure> {
     let mut opened = storage::open(&place.db)?;
     let name = storage::choose(opened.as_mut(), place.study.as_deref())?;
     println!("{}", storage::enqueue(opened.as_mut(), &name, &settings)?.number);
+    Ok(())
+}
+
+fn plot(args: &PlotArgs) -> Result<(), Failure> {
+    let study = load(&args.place)?;
+    let named: Vec<StudyPlot> = args.plots.iter().filter_map(|name| StudyPlot::from_name(name)).collect();
+    let wanted = if named.is_empty() { plots::applicable(&study) } else { named };
+    let importance = plots::importance(&study, args.objective);
+    let params = (!args.params.is_empty()).then(|| args.params.clone());
+    let options = plots::Options { params, objective: args.objective, importance: &importance, others: &[] };
+    for path in plots::write(&args.out, &wanted, &study, &options)? {
+        println!("{}", path.display());
+    }
     Ok(())
 }

@@ -5,7 +5,7 @@
 //! has happened to those by then. So the study is the same for one worker and for W, on one host or on
 //! several, in whatever order trials end. The price is that trial k waits for trial k − W.
 
-use std::collections::VecDeque;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use serde_json::Value;
@@ -185,14 +185,15 @@ pub struct Study {
     history: History,
     /// Number of trials before the first that has not finished.
     settled: usize,
-    queue: VecDeque<Fixed>,
+    /// Values that trials are to have, by number.
+    fixed: BTreeMap<u32, Fixed>,
 }
 
 impl Study {
     /// A study without trials.
     pub fn new(domain: impl Domain + 'static, rules: Rules) -> Self {
         let history = History::new(&rules.directions);
-        Study { domain: Box::new(domain), rules, slots: Vec::new(), history, settled: 0, queue: VecDeque::new() }
+        Study { domain: Box::new(domain), rules, slots: Vec::new(), history, settled: 0, fixed: BTreeMap::new() }
     }
 
     /// A study that goes on from earlier trials, given in any order. One that is under way there was
@@ -206,13 +207,32 @@ impl Study {
         let mut records = records;
         records.sort_by_key(|t| t.number);
         for record in records {
-            study.admit(record)?;
+            if (record.number as usize) < study.slots.len() {
+                let why = "there are two of that number".into();
+                return Err(StudyError::ForeignRecord { number: record.number, why });
+            }
+            study.take_in(record)?;
         }
         Ok(study)
     }
 
-    fn admit(&mut self, record: Trial) -> Result<(), StudyError> {
+    /// Takes in the record of a trial that somebody else evaluates, or has. One that is under way is open here;
+    /// those that are missing before it are proposed.
+    ///
+    /// # Errors
+    /// The record is none of this study's.
+    pub(super) fn take_in(&mut self, record: Trial) -> Result<(), StudyError> {
         let number = record.number;
+        if let Some(slot) = self.slots.get_mut(number as usize) {
+            if slot.stage == Stage::Open && record.state != TrialState::Running && record.params == slot.asked.params {
+                slot.stage = Stage::Finished;
+                slot.trial = Arc::new(record);
+                return Ok(());
+            }
+            let known = slot.stage != Stage::Open || record.params == slot.asked.params;
+            let why = "it has other values than this study proposes".into();
+            return if known { Ok(()) } else { Err(StudyError::ForeignRecord { number, why }) };
+        }
         let foreign = |why: &str| StudyError::ForeignRecord { number, why: why.into() };
         if record.state == TrialState::Waiting {
             return Err(foreign("it has not begun"));
@@ -220,17 +240,11 @@ impl Study {
         if number >= self.rules.trials {
             return Err(foreign("its number is beyond the number of trials"));
         }
-        if (number as usize) < self.slots.len() {
-            return Err(foreign("there are two of that number"));
-        }
         while self.slots.len() < number as usize {
             self.propose().ok_or_else(|| foreign("a trial that it has to wait for has not finished"))?;
         }
-        if !self.may_propose() {
-            return Err(foreign("a trial that it has to wait for has not finished"));
-        }
         self.replay(&record).map_err(|why| foreign(&why))?;
-        self.advance(number);
+        self.fixed.remove(&number);
         let mut slot = Slot::new(number, record.params.clone());
         if record.state != TrialState::Running {
             slot.stage = Stage::Finished;
@@ -266,20 +280,50 @@ impl Study {
     /// Puts a trial in line that has these values. It gets the next number that no trial has yet, and the
     /// study's other trials differ from there on as from any other trial in its place.
     pub fn enqueue(&mut self, values: Fixed) {
-        self.queue.push_back(values);
+        let last = self.fixed.last_key_value().map_or(0, |(k, _)| k + 1);
+        self.fix(last.max(self.slots.len() as u32), values);
+    }
+
+    /// Says what values trial `number` is to have, if it has none yet.
+    pub(super) fn fix(&mut self, number: u32, values: Fixed) {
+        if number as usize >= self.slots.len() {
+            self.fixed.insert(number, values);
+        }
     }
 
     /// The trial to begin next: the lowest number that is open. `None` if it has to wait for a trial
     /// under way, or if there is none (see [`is_done`](Self::is_done)).
     pub fn next_trial(&mut self) -> Option<Ticket> {
-        let open = self.slots[self.settled..].iter().position(|s| s.stage == Stage::Open);
-        let number = match open {
-            Some(k) => self.settled + k,
-            None => self.propose()?,
-        };
-        let slot = &mut self.slots[number];
+        let number = self.candidates().into_iter().next()?;
+        self.begin(number)
+    }
+
+    /// Numbers of the trials that may begin now: those that are open, then the next new one.
+    pub(super) fn candidates(&mut self) -> Vec<u32> {
+        let next = self.may_propose().then_some(self.slots.len() as u32);
+        let open = |k: &u32| self.slots[*k as usize].stage == Stage::Open && self.settled >= self.visible(*k);
+        (self.settled as u32..self.slots.len() as u32).filter(open).chain(next).collect()
+    }
+
+    /// Begins one of the [`candidates`](Self::candidates).
+    pub(super) fn begin(&mut self, number: u32) -> Option<Ticket> {
+        if number as usize == self.slots.len() {
+            self.propose()?;
+        }
+        let slot = self.slots.get_mut(number as usize).filter(|s| s.stage == Stage::Open)?;
         slot.stage = Stage::UnderWay;
-        Some(Ticket { number: number as u32, params: slot.asked.params.clone(), same_as: slot.same_as })
+        Some(Ticket { number, params: slot.asked.params.clone(), same_as: slot.same_as })
+    }
+
+    /// Number of trials before the first that has not finished.
+    pub(super) fn settled(&self) -> u32 {
+        self.settled as u32
+    }
+
+    /// Trial `number` with its reports so far.
+    pub(super) fn under_way_trial(&self, number: u32) -> Result<&Trial, StudyError> {
+        let slot = self.slots.get(number as usize).filter(|s| s.stage == Stage::UnderWay);
+        slot.map(|s| s.trial.as_ref()).ok_or(StudyError::NotUnderWay { number })
     }
 
     /// Whether the next new trial's visible trials have finished and the budget is not spent.
@@ -297,7 +341,8 @@ impl Study {
 
     /// Adds to the history what trial `number` sees as finished.
     fn advance(&mut self, number: u32) {
-        for slot in &self.slots[self.history.trials().len()..self.visible(number)] {
+        let (from, to) = (self.history.trials().len(), self.visible(number));
+        for slot in self.slots.get(from..to).unwrap_or_default() {
             self.history.push(slot.trial.clone());
         }
     }
@@ -312,7 +357,7 @@ impl Study {
         for slot in &self.slots[self.visible(number)..] {
             self.history.push(slot.asked.clone());
         }
-        let fixed = self.queue.pop_front().unwrap_or_default();
+        let fixed = self.fixed.remove(&number).unwrap_or_default();
         let mut params = self.draw(number, 0, &fixed);
         let avoid = self.rules.duplicates == Duplicates::Avoid;
         let mut redraw = 1;
@@ -358,6 +403,7 @@ impl Study {
     /// The trial is not under way.
     pub fn should_prune(&mut self, number: u32, step: u64, value: f64) -> Result<bool, StudyError> {
         let visible = self.visible(number);
+        self.advance(number);
         let slot = self.slots.get_mut(number as usize).filter(|s| s.stage == Stage::UnderWay);
         let trial = &mut slot.ok_or(StudyError::NotUnderWay { number })?.trial;
         let trial = Arc::make_mut(trial);

@@ -7,6 +7,7 @@ mod artefact;
 mod file;
 mod hash;
 mod log;
+mod presence;
 mod run_folder;
 mod shared_log;
 
@@ -14,6 +15,7 @@ pub use artefact::{Artefact, ArtefactWriter, Cache};
 pub use file::{AtomicFile, copy, create_dir, make, read, read_to_string, remove_dir, remove_file, write, write_json};
 pub use hash::{Hash, Hasher, hash_bytes, hash_file, hash_json};
 pub use log::AppendLog;
+pub use presence::Presence;
 pub use run_folder::{Opened, RunFolder, SUMS};
 pub use shared_log::{SharedLog, SharedLogGuard, unique_word};
 

@@ -76,9 +76,12 @@ pub enum Error {
     /// A proposed value that cannot be put into the experiment.
     #[error(transparent)]
     Apply(#[from] crate::search::apply::ApplyError),
-    /// The order of trials.
+    /// The study's database.
     #[error(transparent)]
-    Study(#[from] crate::search::study::StudyError),
+    Study(#[from] crate::search::shared::SharedError),
+    /// The study's database.
+    #[error(transparent)]
+    Storage(#[from] crate::search::storage::StorageError),
     /// Artefacts that cannot be read.
     #[error(transparent)]
     Read(#[from] crate::tables::ReadError),
@@ -119,6 +122,7 @@ impl Classify for Error {
             Error::Space(e) => e.class(),
             Error::Apply(e) => e.class(),
             Error::Study(e) => e.class(),
+            Error::Storage(e) => e.class(),
             Error::Evaluate(e) => e.class(),
             Error::Read(e) => e.class(),
             Error::Write(e) => e.class(),

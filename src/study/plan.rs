@@ -44,7 +44,7 @@ pub fn plan(experiment: &LoadedExperiment, options: &Options) -> Result<Vec<Step
     let (key, panoramas) = stages::panoramas_key(spec)?;
     let mut steps = planner.artefacts(&key, panoramas, options)?;
     let views = panoramas * f64::from(spec.dataset.views_per_panorama);
-    steps.extend(planner.run_steps(folder.as_deref(), views));
+    steps.extend(planner.run_steps(folder.as_deref(), views)?);
     Ok(steps)
 }
 
@@ -138,12 +138,12 @@ impl Planner<'_> {
         Step { stage: stage.to_owned(), what, need: Need::Run { why }, seconds, measured }
     }
 
-    fn run_steps(&self, folder: Option<&Path>, views: f64) -> Vec<Step> {
+    fn run_steps(&self, folder: Option<&Path>, views: f64) -> Result<Vec<Step>, Error> {
         let rows = views * self.spec.split.train * f64::from(self.spec.augment.copies);
         let units = |trainings: u32| stages::training_units(self.spec, trainings, rows);
         let finished = folder.is_some_and(|f| f.join(crate::store::SUMS).is_file());
         let (trials, refits) = (self.spec.search.trials, 2 * self.spec.evaluation.refit_seeds);
-        let done = folder.map_or(0, |f| trials::finished(f, trials));
+        let done = folder.map_or(Ok(0), trials::finished)?;
         let step = |stage: &str, what: String, done: bool, why: &str, units: f64, rate: f64| {
             let (seconds, measured) = self.rates.estimate(stage, units, rate);
             match done {
@@ -153,9 +153,9 @@ impl Planner<'_> {
                 }
             }
         };
-        let left = trials - done;
+        let left = trials.saturating_sub(done);
         let why = if done > 0 { format!("{done} of {trials} are done") } else { "no trial is done".to_owned() };
-        vec![
+        Ok(vec![
             step("study", format!("{trials} trials"), left == 0, &why, units(left), default_rate::STUDY),
             step(
                 "refit",
@@ -181,6 +181,6 @@ impl Planner<'_> {
                 1.0,
                 default_rate::REPORT,
             ),
-        ]
+        ])
     }
 }

@@ -8,14 +8,15 @@ use super::stages::{Epochs, Stages};
 use super::{Error, Options, Training};
 use crate::config::spec::{Experiment, NetworkSpec, TrainSpec};
 use crate::rng::derive_seed;
-use crate::search::{self, Outcome, Param, Rules, Space, Study, Ticket, Trial, TrialState};
-use crate::store::{self, RunFolder, write_json};
+use crate::search::storage;
+use crate::search::{self, Next, Outcome, Param, Rules, SharedStudy, Space, Ticket, Trial, TrialState};
+use crate::store::{self, RunFolder};
 use crate::tables::artefacts::{ImportanceRow, ParamValue, TrialArtefact};
 use crate::tables::{write_importance, write_trial};
 use crate::train::{self, EpochRecord, Fitted, Job, Observer, Stopped, Verdict, fit};
 
-/// The record from which a study goes on; written last, so a trial with it is finished.
-const RECORD: &str = "record.json";
+/// The study's database, in the run's folder.
+pub(super) const DATABASE: &str = "study.db";
 /// How long a worker waits before it looks again whether it should stop.
 const PATIENCE: Duration = Duration::from_millis(200);
 
@@ -30,9 +31,16 @@ pub(super) fn folder(run: &Path, number: u32) -> PathBuf {
     run.join("trials").join(format!("{number:04}"))
 }
 
-/// How many of `trials` trials of the run in `run` are finished.
-pub(super) fn finished(run: &Path, trials: u32) -> u32 {
-    (0..trials).filter(|n| folder(run, *n).join(RECORD).is_file()).count() as u32
+/// How many trials of the run in `run` are finished.
+///
+/// # Errors
+/// Its database cannot be read.
+pub(super) fn finished(run: &Path) -> Result<u32, Error> {
+    let database = run.join(DATABASE);
+    if !database.is_file() {
+        return Ok(0);
+    }
+    Ok(storage::load(&database, None)?.trials.iter().filter(|t| t.finished()).count() as u32)
 }
 
 /// Runs the study, or goes on with it.
@@ -43,11 +51,10 @@ pub(super) fn search(
     training: &Training,
     stages: &Stages,
 ) -> Result<Searched, Error> {
-    let records = records(run.path(), spec.search.trials)?;
-    let done = records.len() as u64;
     let rules = Rules::from_spec(&spec.search, derive_seed(spec.seed, "study", &[]));
     let space = Space::from_spec(&spec.search.space)?;
-    let study = Study::resume(space.clone(), rules, records)?;
+    let study = SharedStudy::open(&run.join(DATABASE), &spec.name, space.clone(), rules)?;
+    let done = study.study().finished().count() as u64;
     let epochs = u64::from(spec.train.epochs);
     stages.progress.begin("trials", spec.search.trials.into());
     stages.progress.advance(done);
@@ -77,18 +84,6 @@ pub(super) fn side_by_side(n: usize, work: impl Fn() -> Result<(), Error> + Sync
     })
 }
 
-fn records(run: &Path, trials: u32) -> Result<Vec<Trial>, Error> {
-    let mut records = Vec::new();
-    for number in 0..trials {
-        let path = folder(run, number).join(RECORD);
-        if path.is_file() {
-            let record = serde_json::from_slice(&store::read(&path)?);
-            records.push(record.map_err(|e| Error::Damaged { path, reason: e.to_string() })?);
-        }
-    }
-    Ok(records)
-}
-
 /// What the workers of a study share.
 struct Office<'a> {
     spec: &'a Experiment,
@@ -96,12 +91,12 @@ struct Office<'a> {
     run: &'a Path,
     training: &'a Training,
     stages: &'a Stages<'a>,
-    study: Mutex<Study>,
+    study: Mutex<SharedStudy>,
     changed: Condvar,
 }
 
 impl Office<'_> {
-    fn study(&self) -> MutexGuard<'_, Study> {
+    fn study(&self) -> MutexGuard<'_, SharedStudy> {
         self.study.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -125,11 +120,10 @@ impl Office<'_> {
             if self.stages.interrupted() {
                 return Err(Error::Interrupted);
             }
-            if let Some(ticket) = study.next_trial() {
-                return Ok(Some(ticket));
-            }
-            if study.is_done() {
-                return Ok(None);
+            match study.next_trial()? {
+                Next::Trial(ticket) => return Ok(Some(ticket)),
+                Next::Done => return Ok(None),
+                Next::Wait => {}
             }
             study = self.changed.wait_timeout(study, PATIENCE).unwrap_or_else(PoisonError::into_inner).0;
         }
@@ -142,6 +136,27 @@ impl Office<'_> {
     }
 
     fn evaluate(&self, ticket: &Ticket) -> Result<(), Error> {
+        match ticket.same_as {
+            Some(earlier) => self.take_over(ticket.number, earlier),
+            None => self.train(ticket),
+        }
+    }
+
+    /// Ends a trial as an earlier one with the same values did.
+    fn take_over(&self, number: u32, earlier: u32) -> Result<(), Error> {
+        let known = artefact(self.run, earlier)?;
+        let outcome = Outcome::Complete(vec![known.value.unwrap_or(f64::NAN)]);
+        let keep = |record: &Trial| {
+            let copy = TrialArtefact { curve: known.curve, best_epoch: known.best_epoch, ..shown(record, None) };
+            Ok::<(), Error>(write_trial(self.run, &copy)?)
+        };
+        let record = self.study().tell_after(number, outcome, keep)?.clone();
+        self.stages.progress.advance_outer(1);
+        self.tell_best(&record);
+        Ok(())
+    }
+
+    fn train(&self, ticket: &Ticket) -> Result<(), Error> {
         let number = ticket.number;
         let (network, train) = self.settings(&ticket.params)?;
         let checkpoint = folder(self.run, number).join("checkpoint");
@@ -166,8 +181,8 @@ impl Office<'_> {
             Err(train::Error::Interrupted) => return Err(Error::Interrupted),
             Err(other) => return Err(other.into()),
         };
-        let record = self.study().tell(number, outcome)?.clone();
-        self.write(&record, fitted.as_ref())?;
+        let keep = |record: &Trial| Ok::<(), Error>(write_trial(self.run, &shown(record, fitted.as_ref()))?);
+        let record = self.study().tell_after(number, outcome, keep)?.clone();
         store::remove_dir(&checkpoint)?;
         epochs.finish();
         self.stages.progress.advance_outer(1);
@@ -175,23 +190,9 @@ impl Office<'_> {
         Ok(())
     }
 
-    fn write(&self, record: &Trial, fitted: Option<&Fitted>) -> Result<(), Error> {
-        let shown = TrialArtefact {
-            number: record.number,
-            state: record.state,
-            params: record.params.iter().map(|p| ParamValue { name: p.name.clone(), value: p.value() }).collect(),
-            value: record.value().filter(|_| record.state == TrialState::Complete),
-            reason: record.reason.clone(),
-            best_epoch: fitted.filter(|_| record.state == TrialState::Complete).map(|f| f.best_epoch),
-            curve: fitted.map(|f| f.curve.clone()).unwrap_or_default(),
-        };
-        write_trial(self.run, &shown)?;
-        Ok(write_json(&folder(self.run, record.number).join(RECORD), record)?)
-    }
-
     fn tell_best(&self, record: &Trial) {
         let study = self.study();
-        let best = study.best().and_then(|t| t.value().map(|v| format!("best {v:.5} (trial {})", t.number)));
+        let best = study.study().best().and_then(|t| t.value().map(|v| format!("best {v:.5} (trial {})", t.number)));
         let state = match record.state {
             TrialState::Complete => record.value().map_or_else(String::new, |v| format!("{v:.5}")),
             TrialState::Pruned => "pruned".to_owned(),
@@ -201,17 +202,39 @@ impl Office<'_> {
         self.stages.progress.note(&format!("trial {}: {state}; {best}", record.number));
     }
 
+    /// What is shown of a finished trial. One that another program added to the database has no curve.
+    fn kept(&self, record: &Trial) -> Result<TrialArtefact, Error> {
+        if !folder(self.run, record.number).join("params.json").is_file() {
+            write_trial(self.run, &shown(record, None))?;
+        }
+        artefact(self.run, record.number)
+    }
+
     /// Importance, and the best trial's hyper-parameters.
     fn finish(self) -> Result<Searched, Error> {
         let study = self.study();
+        let study = study.study();
         let records: Vec<Trial> = study.finished().cloned().collect();
         let importance = search::importance(&records, derive_seed(self.spec.seed, "importance", &[]));
         let rows: Vec<ImportanceRow> = importance.into_iter().map(importance_row).collect();
         write_importance(self.run, &rows)?;
         let best = study.best().ok_or_else(|| no_value(&records))?;
         let best = self.settings(&best.params)?;
-        let trials = records.iter().map(|r| self::shown(self.run, r)).collect::<Result<_, Error>>()?;
+        let trials = records.iter().map(|r| self.kept(r)).collect::<Result<_, Error>>()?;
         Ok(Searched { trials, best })
+    }
+}
+
+/// What is shown of a trial.
+fn shown(record: &Trial, fitted: Option<&Fitted>) -> TrialArtefact {
+    TrialArtefact {
+        number: record.number,
+        state: record.state,
+        params: record.params.iter().map(|p| ParamValue { name: p.name.clone(), value: p.value() }).collect(),
+        value: record.value().filter(|_| record.state == TrialState::Complete),
+        reason: record.reason.clone(),
+        best_epoch: fitted.filter(|_| record.state == TrialState::Complete).map(|f| f.best_epoch),
+        curve: fitted.map(|f| f.curve.clone()).unwrap_or_default(),
     }
 }
 
@@ -219,8 +242,8 @@ fn importance_row(i: search::Importance) -> ImportanceRow {
     ImportanceRow { name: i.name, value: i.value, low: i.low, high: i.high }
 }
 
-fn shown(run: &Path, record: &Trial) -> Result<TrialArtefact, Error> {
-    let path = folder(run, record.number).join("params.json");
+fn artefact(run: &Path, number: u32) -> Result<TrialArtefact, Error> {
+    let path = folder(run, number).join("params.json");
     serde_json::from_slice(&store::read(&path)?).map_err(|e| Error::Damaged { path, reason: e.to_string() })
 }
 

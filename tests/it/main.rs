@@ -12,4 +12,5 @@ mod pins;
 mod real_data;
 mod reruns;
 mod study_commands;
+mod shared_study;
 mod support;

@@ -81,7 +81,7 @@ fn trial(k: u32, of: u32, params: usize, objectives: usize, free_at: &mut [f64; 
         intermediate,
         user_attrs: Vec::new(),
         system_attrs: if objectives > 1 {
-            vec![("constraints".into(), JsonText(format!("[{violation}, -1.0]")))]
+            vec![("constraints".into(), JsonText::parse(&format!("[{violation}, -1.0]")).unwrap())]
         } else {
             Vec::new()
         },
@@ -158,7 +158,7 @@ pub(crate) fn awkward() -> StoredStudy {
     study.name = "a study with a name that is far too long for any legend, in words & <signs>".into();
     study.system_attrs = vec![(
         "study:metric_names".into(),
-        JsonText("[\"mean absolute error of the focal length on validation, pixels\", \"t\"]".into()),
+        JsonText::parse("[\"mean absolute error of the focal length on validation, pixels\", \"t\"]").unwrap(),
     )];
     let many: Vec<serde_json::Value> = (0..30).map(|i| format!("choice number {i}").into()).collect();
     for (k, trial) in study.trials.iter_mut().enumerate() {

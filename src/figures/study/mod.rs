@@ -29,8 +29,8 @@ use std::path::{Path, PathBuf};
 use super::drawing::Drawing;
 use super::{Error, Figure, png, svg};
 use crate::error::{Class, Classify};
-use crate::search::Importance;
 use crate::search::storage::StoredStudy;
+use crate::search::{self, Importance, Trial};
 
 use rows::{Rows, plural};
 
@@ -128,6 +128,28 @@ pub struct Options<'a> {
     pub importance: &'a [Importance],
     /// Further studies that the empirical distribution compares.
     pub others: &'a [&'a StoredStudy],
+}
+
+/// Plots for which the study has data.
+pub fn applicable(study: &StoredStudy) -> Vec<StudyPlot> {
+    let objectives = study.directions.len();
+    let reports = study.trials.iter().any(|t| !t.intermediate.is_empty());
+    let mut names: Vec<&str> = study.trials.iter().flat_map(|t| &t.params).map(|p| p.name.as_str()).collect();
+    names.sort_unstable();
+    names.dedup();
+    let applies = |plot: &StudyPlot| match plot {
+        StudyPlot::ParetoFront => (2..=3).contains(&objectives),
+        StudyPlot::Intermediate => reports,
+        StudyPlot::Contour | StudyPlot::Rank => names.len() >= 2,
+        _ => true,
+    };
+    StudyPlot::ALL.into_iter().filter(applies).collect()
+}
+
+/// Importance of the parameters for one objective, by functional analysis of variance; always from the same seed.
+pub fn importance(study: &StoredStudy, objective: usize) -> Vec<Importance> {
+    let trials: Vec<Trial> = study.trials.iter().map(|t| t.to_trial(objective)).collect();
+    search::importance(&trials, 0)
 }
 
 /// Why there is no plot.

@@ -2,7 +2,7 @@
 
 use super::PlotError;
 use crate::figures::axes::{Scale, short};
-use crate::search::storage::{Attributes, StoredStudy, StoredTrial};
+use crate::search::storage::{StoredStudy, StoredTrial, attribute};
 use crate::search::{Direction, TrialState};
 
 /// Values beyond this are left out as infinite ones are: studies use them for "as bad as can be".
@@ -188,7 +188,7 @@ pub fn all_values(trial: &StoredTrial, count: usize) -> Option<Vec<f64>> {
 /// What the study calls an objective, or its number if there are several.
 pub fn objective_name(study: &StoredStudy, objective: usize) -> String {
     let names = attribute(&study.system_attrs, "study:metric_names");
-    let names = names.and_then(|text| serde_json::from_str::<Vec<String>>(text).ok()).unwrap_or_default();
+    let names = names.and_then(|t| serde_json::from_str::<Vec<String>>(t.as_text()).ok()).unwrap_or_default();
     match names.get(objective) {
         Some(name) if !name.trim().is_empty() => name.clone(),
         _ if study.directions.len() > 1 => format!("objective {objective}"),
@@ -196,15 +196,9 @@ pub fn objective_name(study: &StoredStudy, objective: usize) -> String {
     }
 }
 
-fn attribute<'a>(attributes: &'a Attributes, key: &str) -> Option<&'a str> {
-    attributes.iter().find(|(name, _)| name == key).map(|(_, text)| text.0.as_str())
-}
-
-/// Whether no constraint value is above 0. They are a list as Python writes it, `NaN` and `Infinity` included.
+/// Whether no constraint value is above 0.
 fn feasible(trial: &StoredTrial) -> bool {
-    let Some(text) = attribute(&trial.system_attrs, "constraints") else { return true };
-    let list = text.trim().trim_start_matches('[').trim_end_matches(']');
-    !list.split(',').filter_map(|number| number.trim().parse::<f64>().ok()).any(|v| v > 0.0)
+    trial.constraints().is_none_or(|values| values.iter().all(|v| *v <= 0.0 || v.is_nan()))
 }
 
 /// See [`Rows::scale`].
@@ -260,7 +254,7 @@ mod tests {
         for (text, expected) in
             [("[-1.0, 0.0]", true), ("[0.5, -2]", false), ("[NaN]", true), ("[Infinity]", false), ("[]", true)]
         {
-            trial.system_attrs = vec![("constraints".into(), JsonText(text.into()))];
+            trial.system_attrs = vec![("constraints".into(), JsonText::parse(text).unwrap())];
             assert_eq!(feasible(&trial), expected, "{text}");
         }
     }
@@ -277,7 +271,7 @@ mod tests {
             (row.trial.number as usize, value)
         };
         assert!(most > least);
-        study.trials[number].system_attrs = vec![("constraints".into(), JsonText("[1.0]".into()))];
+        study.trials[number].system_attrs = vec![("constraints".into(), JsonText::parse("[1.0]").unwrap())];
         assert!(value(&study) < most);
         assert!(matches!(Rows::new(&study, 1), Err(PlotError::UnknownObjective { asked: 1, count: 1 })));
     }
@@ -286,7 +280,7 @@ mod tests {
     fn objectives_have_the_names_that_the_study_gives_them() {
         let mut study = fixture::study(3, 2, 2);
         assert_eq!(objective_name(&study, 1), "objective 1");
-        study.system_attrs = vec![("study:metric_names".into(), JsonText("[\"mae\", \"time\"]".into()))];
+        study.system_attrs = vec![("study:metric_names".into(), JsonText::parse("[\"mae\", \"time\"]").unwrap())];
         assert_eq!(objective_name(&study, 1), "time");
     }
 }

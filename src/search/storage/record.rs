@@ -137,7 +137,7 @@ impl StoredTrial {
         let mut trial = Trial::running(self.number, self.params.clone());
         trial.state = self.state;
         trial.values = self.values.clone().unwrap_or_default();
-        trial.reason = attribute(&self.system_attrs, REASON).and_then(|r| r.as_str().map(ToOwned::to_owned));
+        trial.reason = attribute(&self.system_attrs, REASON).and_then(JsonText::as_str);
         let reports = self.intermediate.iter().filter_map(|(step, x)| Some((u64::try_from(*step).ok()?, *x)));
         trial.intermediate = reports.collect();
         trial.constraints = self.constraints();

@@ -222,7 +222,7 @@ fn records_that_do_not_belong_are_refused() {
         Ok(_) => panic!("accepted"),
     };
     assert_eq!(refused(vec![all[0].clone(), all[0].clone()]).0, 0);
-    assert_eq!(refused(vec![all[0].clone(), all[3].clone()]).1, "a trial that it has to wait for has not finished");
+    assert_eq!(refused(vec![all[0].clone(), all[4].clone()]).1, "a trial that it has to wait for has not finished");
     assert_eq!(refused(vec![Trial { number: 14, ..all[0].clone() }]).0, 14);
     assert_eq!(refused(vec![Trial { params: vec![], ..all[0].clone() }]).1, "it has no parameter `n`");
     let mut more = all[0].clone();

@@ -3,6 +3,7 @@
 //! Times are naive local time, as 4.9 has them; 5.0 keeps UTC in the same columns, without a mark. SQLite does not
 //! keep the sign of zero.
 
+mod exclusive;
 mod open;
 mod read;
 mod schema;
@@ -10,6 +11,7 @@ mod schema;
 mod tests;
 mod write;
 
+pub use exclusive::Exclusive;
 pub use open::MAGIC;
 
 use std::path::{Path, PathBuf};

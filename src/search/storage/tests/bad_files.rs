@@ -131,7 +131,7 @@ fn a_database_in_use_is_an_error_after_the_timeout_and_unaltered() {
     other.execute_batch("ROLLBACK").unwrap();
     assert_eq!(ours.studies().unwrap().len(), 1);
     assert_eq!(ours.begin_trial("s").unwrap().number, 1);
-    assert_eq!(error.class(), Class::Run);
+    assert_eq!(error.class(), Class::Input);
 }
 
 #[test]
