@@ -2,12 +2,14 @@
 //!
 //! `cargo bench --bench search` writes `target/bench/search.json`: the space is the paper's conditional one
 //! or its flat form; past trials are random complete ones with ten reports each; the first call, which
-//! fills caches, is left out.
+//! fills caches, is left out. If `PANOTUNE_PYTHON` (or else `target/python/bin/python`) has Optuna or Rustuna,
+//! they are run after it and their rows stand in the same file.
 
 #[path = "../examples/objectives.rs"]
 mod objectives;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
 use std::time::Instant;
 
 use objectives::{Objective, all};
@@ -126,6 +128,31 @@ fn row(objective: &Objective, space: &str, (name, sampler): (&str, Box<dyn Sampl
     })
 }
 
+/// Rows of Optuna and Rustuna, if there is a Python that has them.
+fn peers() -> Vec<Value> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let python = std::env::var_os("PANOTUNE_PYTHON").map_or(root.join("target/python/bin/python"), PathBuf::from);
+    let output = Command::new(&python).arg(root.join("tests/peers/search_latency.py")).stderr(Stdio::inherit()).output();
+    let rows = output.ok().filter(|o| o.status.success()).and_then(|o| serde_json::from_slice(&o.stdout).ok());
+    rows.unwrap_or_else(|| {
+        println!("no peers: {} has neither Optuna nor Rustuna", python.display());
+        Vec::new()
+    })
+}
+
+fn show(row: &Value) {
+    let at = |key: &str| row[key]["p50_ms"].as_f64().map_or_else(|| "       -".to_owned(), |ms| format!("{ms:8.4}"));
+    println!(
+        "{:16} {} {:12} {:5} past: {} ms ask + tell, {} ms report",
+        row["version"].as_str().unwrap_or_default(),
+        row["space"].as_str().unwrap_or_default(),
+        row["sampler"].as_str().unwrap_or_default(),
+        row["past_trials"],
+        at("ask_tell"),
+        at("report_should_prune"),
+    );
+}
+
 fn main() {
     let mut rows = Vec::new();
     for (space, name) in [("cond", "nas_conditional"), ("flat", "nas_flat7")] {
@@ -133,16 +160,14 @@ fn main() {
         for trials in PAST {
             for sampler in samplers() {
                 let row = row(&objective, space, sampler, trials);
-                println!(
-                    "{space} {:12} {trials:5} past: {:8.4} ms ask + tell, {:8.4} ms report",
-                    row["sampler"].as_str().unwrap_or_default(),
-                    row["ask_tell"]["p50_ms"].as_f64().unwrap_or(f64::NAN),
-                    row["report_should_prune"]["p50_ms"].as_f64().unwrap_or(f64::NAN),
-                );
+                show(&row);
                 rows.push(row);
             }
         }
     }
+    let peers = peers();
+    peers.iter().for_each(show);
+    rows.extend(peers);
     let env = json!({ "threads": 1, "isa": panotune::kernel::isa().name(), "arch": std::env::consts::ARCH });
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("target/bench/search.json");
     let written = store::create_dir(path.parent().unwrap_or(&path))
