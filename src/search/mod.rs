@@ -7,13 +7,20 @@
 use serde::{Deserialize, Serialize};
 
 pub mod apply;
+pub mod cma;
 mod decimal;
 mod distribution;
+mod eigen;
+pub mod genetic;
+pub mod grid;
 mod groups;
+pub mod halton;
 pub mod history;
+pub mod hypervolume;
 pub mod importance;
 mod marginal;
 mod normal;
+pub mod nsga2;
 mod number;
 pub mod pareto;
 pub mod parzen;
@@ -29,17 +36,22 @@ mod trial;
 pub mod truncnorm;
 
 pub use apply::apply;
+pub use cma::{CmaOptions, CmaSampler};
 pub use distribution::{Distribution, Range, same_value};
+pub use genetic::{GeneticOptions, GeneticSampler};
+pub use grid::GridSampler;
 pub use groups::SubSpace;
+pub use halton::QuasiRandomSampler;
 pub use history::{History, Past};
 pub use importance::{Importance, importance};
+pub use nsga2::{Nsga2, Nsga2Options};
 pub use pruner::Pruner;
 pub use random::RandomSampler;
 pub use ranking::Constraints;
 pub use sampler::{Draws, KeyedDraws, Proposal, Sampler, Uniform};
 pub use space::{Assignment, Space};
 pub use study::{Ask, Domain, Duplicates, Outcome, Rules, Study, Ticket};
-pub use tpe::{Tpe, TpeOptions};
+pub use tpe::{SeveralObjectives, Tpe, TpeOptions};
 pub use trial::{Direction, Param, Trial};
 
 /// How far a trial got, as in Optuna.

@@ -26,6 +26,8 @@ pub trait Draws {
     fn startup(&mut self, name: &str) -> &mut dyn Uniform;
     /// Numbers for the model's proposal of `what`: a parameter's name, or `joint:` and several with commas.
     fn model(&mut self, what: &str) -> &mut dyn Uniform;
+    /// Numbers for `what` that are the same in every trial of the study, from the beginning.
+    fn study(&mut self, what: &str) -> &mut dyn Uniform;
 }
 
 /// The draws of a study: the stream (seed, `search`, trial, name), so that a proposal depends on nothing
@@ -52,6 +54,11 @@ impl Draws for KeyedDraws {
 
     fn model(&mut self, what: &str) -> &mut dyn Uniform {
         self.open = rng::stream(self.seed, "search", &self.key, what);
+        &mut self.open
+    }
+
+    fn study(&mut self, what: &str) -> &mut dyn Uniform {
+        self.open = rng::stream(self.seed, "search", &[], what);
         &mut self.open
     }
 }
@@ -101,6 +108,15 @@ impl Proposal {
         };
         self.params.push(Param { name: name.to_owned(), distribution: distribution.clone(), internal });
         internal
+    }
+}
+
+impl Proposal {
+    /// The value of `name` proposed jointly, if `distribution` allows it.
+    pub(super) fn joint(&self, name: &str, distribution: &Distribution) -> Option<f64> {
+        let param = self.joint.iter().flatten().find(|p| p.name == name)?;
+        let fits = param.distribution.compatible(distribution) && distribution.contains(param.internal);
+        fits.then_some(param.internal)
     }
 }
 

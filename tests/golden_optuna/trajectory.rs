@@ -25,6 +25,9 @@ impl Draws for Generators {
     fn model(&mut self, _: &str) -> &mut dyn Uniform {
         &mut self.model
     }
+    fn study(&mut self, _: &str) -> &mut dyn Uniform {
+        &mut self.model
+    }
 }
 
 fn float(low: f64, high: f64) -> Distribution {
