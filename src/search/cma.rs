@@ -7,6 +7,7 @@ use super::{
     Distribution, Draws, History, Param, Proposal, Range, Sampler, SubSpace, Tpe, TpeOptions, Trial, TrialState,
     Uniform,
 };
+use crate::config::spec::SamplerSpec;
 
 /// Points drawn before one outside the ranges is moved to their ends.
 const REDRAWS: usize = 100;
@@ -30,6 +31,17 @@ impl Default for CmaOptions {
     fn default() -> Self {
         let constraints = Constraints::MissingIsFeasible;
         CmaOptions { startup_trials: 5, population: None, sigma: 0.2, constraints }
+    }
+}
+
+impl From<&SamplerSpec> for CmaOptions {
+    fn from(spec: &SamplerSpec) -> Self {
+        CmaOptions {
+            startup_trials: spec.startup_trials as usize,
+            population: spec.population.map(|n| n as usize),
+            sigma: spec.sigma,
+            constraints: spec.constraints.into(),
+        }
     }
 }
 

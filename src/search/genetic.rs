@@ -7,6 +7,7 @@
 use super::random::{self, at_share, share_of};
 use super::ranking::{self, Constraints};
 use super::{Distribution, Draws, History, Param, Proposal, Sampler, Trial, Uniform};
+use crate::config::spec::SamplerSpec;
 
 /// Settings of the sampler.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -38,6 +39,20 @@ impl Default for GeneticOptions {
             mutation: None,
             sigma: 0.1,
             constraints: Constraints::MissingIsFeasible,
+        }
+    }
+}
+
+impl From<&SamplerSpec> for GeneticOptions {
+    fn from(spec: &SamplerSpec) -> Self {
+        GeneticOptions {
+            population: spec.population.map_or(Self::default().population, |n| n as usize),
+            tournament: spec.tournament as usize,
+            crossover: spec.crossover,
+            swap: spec.swap,
+            mutation: spec.mutation,
+            sigma: spec.sigma,
+            constraints: spec.constraints.into(),
         }
     }
 }

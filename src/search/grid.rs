@@ -206,7 +206,9 @@ mod tests {
         };
         let all = BTreeSet::from_iter(lap(1, 0));
         assert_eq!(all.len(), 8);
-        assert!(all.contains("kind=0 rate=0.001 ") || all.iter().any(|v| v.starts_with("kind=0 rate=0.00099")));
+        let rates: Vec<f64> = all.iter().filter_map(|v| v.trim().strip_prefix("kind=0 rate=")?.parse().ok()).collect();
+        assert_eq!(rates.len(), 3);
+        assert!(rates.iter().zip([1e-4, 1e-3, 1e-2]).all(|(a, b): (&f64, f64)| (a / b - 1.0).abs() < 1e-12));
         assert!(all.contains("kind=1 n=9 more=1 ") && all.contains("kind=1 n=3 "));
         assert_eq!(lap(1, 8), lap(1, 0));
         assert_ne!(lap(2, 0), lap(1, 0));

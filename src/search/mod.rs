@@ -28,6 +28,8 @@ pub mod pruner;
 pub mod random;
 pub mod ranking;
 pub mod sampler;
+#[cfg(test)]
+mod sampler_suite;
 pub mod space;
 pub mod storage;
 pub mod study;

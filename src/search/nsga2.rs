@@ -5,6 +5,7 @@ use super::pareto::{losses, ranks};
 use super::random;
 use super::ranking::{self, Constraints};
 use super::{Distribution, Draws, History, Param, Proposal, Sampler, Trial, TrialState, Uniform};
+use crate::config::spec::SamplerSpec;
 
 /// Settings of the sampler; the default is Optuna's.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -29,6 +30,18 @@ impl Default for Nsga2Options {
             swap: 0.5,
             mutation: None,
             constraints: Constraints::MissingIsFeasible,
+        }
+    }
+}
+
+impl From<&SamplerSpec> for Nsga2Options {
+    fn from(spec: &SamplerSpec) -> Self {
+        Nsga2Options {
+            population: spec.population.map_or(Self::default().population, |n| n as usize),
+            crossover: spec.crossover,
+            swap: spec.swap,
+            mutation: spec.mutation,
+            constraints: spec.constraints.into(),
         }
     }
 }

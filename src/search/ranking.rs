@@ -1,6 +1,7 @@
 //! Complete and pruned trials from the best to the worst.
 
 use super::{Direction, History, Trial, TrialState};
+use crate::config::spec::ConstraintsKind;
 
 /// What constraints mean for the division into good and bad trials.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -11,6 +12,16 @@ pub enum Constraints {
     MissingIsInfeasible,
     /// A trial without constraint values counts as feasible.
     MissingIsFeasible,
+}
+
+impl From<ConstraintsKind> for Constraints {
+    fn from(kind: ConstraintsKind) -> Self {
+        match kind {
+            ConstraintsKind::Ignored => Constraints::Ignored,
+            ConstraintsKind::MissingIsInfeasible => Constraints::MissingIsInfeasible,
+            ConstraintsKind::MissingIsFeasible => Constraints::MissingIsFeasible,
+        }
+    }
 }
 
 /// Trials by merit, for one objective, constraints left aside: complete ones by value, then pruned ones,

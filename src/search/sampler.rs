@@ -2,10 +2,11 @@
 
 use serde_json::Value;
 
-use super::random::RandomSampler;
-use super::tpe::{Tpe, TpeOptions};
+use super::{
+    CmaSampler, GeneticSampler, GridSampler, Nsga2, QuasiRandomSampler, RandomSampler, Space, Tpe, TpeOptions,
+};
 use super::{Distribution, History, Param};
-use crate::config::spec::{SamplerKind, SamplerSpec};
+use crate::config::spec::{SamplerKind, SamplerSpec, SpaceSpec};
 use crate::rng;
 
 /// A source of uniform random numbers.
@@ -134,10 +135,19 @@ pub trait Sampler: Send + Sync {
     ) -> f64;
 }
 
-/// The sampler that an experiment declares.
-pub fn from_spec(spec: &SamplerSpec) -> Box<dyn Sampler> {
+/// The sampler that an experiment declares for its space. A space that is wrong has no grid: its values are drawn
+/// at random until it is refused where it is used.
+pub fn from_spec(spec: &SamplerSpec, space: &SpaceSpec) -> Box<dyn Sampler> {
     match spec.kind {
         SamplerKind::Random => Box::new(RandomSampler),
         SamplerKind::Tpe => Box::new(Tpe::new(TpeOptions::from(spec))),
+        SamplerKind::Grid => match Space::from_spec(space) {
+            Ok(space) => Box::new(GridSampler::new(space, spec.grid_points.unwrap_or(1) as usize)),
+            Err(_) => Box::new(RandomSampler),
+        },
+        SamplerKind::QuasiRandom => Box::new(QuasiRandomSampler),
+        SamplerKind::Evolutionary => Box::new(GeneticSampler::new(spec.into())),
+        SamplerKind::Nsga2 => Box::new(Nsga2::new(spec.into())),
+        SamplerKind::CmaEs => Box::new(CmaSampler::new(spec.into())),
     }
 }

@@ -10,7 +10,7 @@ use super::parzen::{Bandwidth, Parzen, ParzenOptions};
 use super::random;
 use super::ranking::{self, Constraints};
 use super::{Distribution, Draws, History, Param, Proposal, Sampler, Trial, TrialState, Uniform};
-use crate::config::spec::SamplerSpec;
+use crate::config::spec::{BandwidthKind, SamplerSpec};
 
 /// Settings of the sampler.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -109,6 +109,13 @@ impl From<&SamplerSpec> for TpeOptions {
             magic_clip: spec.magic_clip,
             endpoints: spec.endpoints,
             constant_liar: spec.constant_liar,
+            multivariate: spec.multivariate,
+            group: spec.group,
+            joint_bandwidth: match spec.bandwidth {
+                BandwidthKind::Neighbour => Bandwidth::Neighbour,
+                BandwidthKind::Fixed => Bandwidth::Fixed,
+            },
+            constraints: spec.constraints.into(),
             ..Self::optuna_4_9()
         }
     }
