@@ -373,8 +373,8 @@ mod tests {
         }
 
         #[test]
-        fn quantiles_agree_with_newton_s_method(u in 0.0f64..1.0, a in -9.0f64..0.0, width in 1.0f64..30.0) {
-            let b = a + width;
+        fn quantiles_agree_with_newton_s_method(u in 0.0f64..1.0, a in -200.0f64..0.0, b in 0.0f64..200.0) {
+            prop_assume!(b - a > 0.005);
             let ours = cut_quantile(u, cdf_at(a), cdf_at(-b));
             let exact = ppf(u, a, b);
             prop_assert!((ours - exact).abs() < 1e-7 * exact.abs().max(1.0), "{ours} {exact}");

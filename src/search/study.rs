@@ -12,7 +12,7 @@ use serde_json::Value;
 
 use super::pruner;
 use super::sampler::{self, KeyedDraws};
-use super::{Direction, Distribution, History, Param, Proposal, Pruner, Sampler, Trial, TrialState};
+use super::{Direction, Distribution, History, Param, Proposal, Pruner, RandomSampler, Sampler, Trial, TrialState};
 use crate::config::spec::{DuplicatesKind, SearchSpec};
 use crate::error::{Class, Classify};
 
@@ -106,7 +106,8 @@ pub enum Duplicates {
     Reuse,
 }
 
-/// Proposals that are tried before a duplicate is accepted.
+/// Proposals that are tried before a duplicate is accepted; the later half is uniform, since a model that is
+/// sure of itself proposes the same again and again.
 const REDRAWS: u32 = 16;
 
 /// Whether a trial has begun.
@@ -330,8 +331,9 @@ impl Study {
     fn draw(&self, number: u32, redraw: u32, fixed: &Fixed) -> Vec<Param> {
         let mut draws = KeyedDraws::new(self.rules.seed, number, redraw);
         let mut proposal = Proposal::new(number, fixed);
+        let sampler = if redraw > REDRAWS / 2 { &RandomSampler } else { self.rules.sampler.as_ref() };
         self.domain.walk(&mut |name, distribution| {
-            proposal.suggest(name, distribution, self.rules.sampler.as_ref(), &self.history, &mut draws)
+            proposal.suggest(name, distribution, sampler, &self.history, &mut draws)
         });
         proposal.params
     }

@@ -2,7 +2,7 @@
 
 use panotune::search::Uniform;
 use panotune::search::parzen::age_weights;
-use panotune::search::split::gamma;
+use panotune::search::tpe::gamma;
 use panotune::search::truncnorm::{log_density, log_gauss_mass, log_ndtr, ppf};
 
 use super::support::{Twister, all_close, close, each, number, numbers, read};
