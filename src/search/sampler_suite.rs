@@ -1,6 +1,6 @@
 //! What every sampler must keep to.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use proptest::prelude::*;
 
@@ -156,6 +156,12 @@ fn values_lie_in_their_distributions_and_any_workers_give_the_same_study() {
     }
 }
 
+/// The same samplers again and again: the values of a study do not depend on what a sampler was asked before.
+fn shared() -> &'static [(String, Box<dyn Sampler>)] {
+    static SHARED: OnceLock<Vec<(String, Box<dyn Sampler>)>> = OnceLock::new();
+    SHARED.get_or_init(samplers)
+}
+
 /// Trials of one parameter whose distribution changes, in every state and with hostile values.
 fn hostile(choices: &[(u8, u8, u8)]) -> History {
     let distributions = [
@@ -196,7 +202,7 @@ proptest! {
     ) {
         let history = hostile(&choices);
         let number = history.trials().len() as u32;
-        for (name, sampler) in samplers() {
+        for (name, sampler) in shared() {
             for distribution in [float(0.0, 1.0, false), int(0, 9, false, 3), list(&["p", "q"]), float(2.0, 2.0, false)] {
                 let ask = || {
                     let mut proposal = Proposal::new(number, &[]);
@@ -251,9 +257,9 @@ fn median_best(sampler: impl Fn() -> Box<dyn Sampler>) -> f64 {
         let trials = bowls(sampler(), &[Direction::Minimize], 120, seed);
         trials.iter().filter_map(Trial::value).fold(f64::INFINITY, f64::min)
     };
-    let mut all: Vec<f64> = (0..7).map(best).collect();
+    let mut all: Vec<f64> = (0..21).map(best).collect();
     all.sort_by(f64::total_cmp);
-    all[3]
+    all[10]
 }
 
 #[test]
@@ -264,7 +270,7 @@ fn samplers_that_learn_beat_random_draws() {
         assert!(learnt < random, "{kind:?}: {learnt}, random {random}");
     }
     let quasi = median_best(|| Box::new(QuasiRandomSampler));
-    assert!(quasi < 2.0 * random, "{quasi}, random {random}");
+    assert!(quasi < 1.5 * random, "{quasi}, random {random}");
 }
 
 #[test]

@@ -138,7 +138,7 @@ fn contradictions_that_rules_find() {
         ),
         (
             "seed: 1\nsearch: {sampler: {use: grid, grid_points: null}}\n",
-            "study.yaml:2:46: a grid has no points for `dropout_rate_layer_{i}`, which is continuous",
+            "study.yaml:2:44: a grid has no points for `dropout_rate_layer_{i}`, which is continuous",
             "grid_points: 5",
         ),
         (

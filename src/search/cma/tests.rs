@@ -32,7 +32,7 @@ fn it_converges_on_a_turned_ellipsoid_and_in_a_curved_valley() {
     };
     let valley = |x: &[f64]| 100.0 * (x[1] - x[0] * x[0]).powi(2) + (1.0 - x[0]).powi(2);
     for seed in 0..3 {
-        let found = [minimum(3, 1100, seed, ellipsoid), minimum(2, 600, seed, valley)];
+        let found = [minimum(3, 1500, seed, ellipsoid), minimum(2, 1500, seed, valley)];
         assert!(found.iter().all(|f| *f < 1e-5), "{found:?}");
     }
 }
