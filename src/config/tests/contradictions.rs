@@ -173,7 +173,7 @@ fn contradictions_that_rules_find() {
         ),
         (
             "seed: 1\nsearch: {pruner: {use: successive_halving, bootstrap: 3}}\n",
-            "study.yaml:2:55: `search.pruner.bootstrap` needs a `min_resource`",
+            "study.yaml:2:55: `search.pruner.bootstrap` needs a `min_resource`: without one, rungs are not known at the start",
             "number of epochs",
         ),
         (
