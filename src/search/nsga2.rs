@@ -152,11 +152,11 @@ fn constrained_ranks(members: &mut [Member]) {
     let feasible = members.partition_point(|m| m.violation == 0.0);
     let points: Vec<&[f64]> = members[..feasible].iter().map(|m| m.losses.as_slice()).collect();
     let ranks = ranks(&points);
-    let mut next = ranks.iter().max().map_or(0, |r| r + 1);
+    let next = ranks.iter().max().map_or(0, |r| r + 1);
     members.iter_mut().zip(ranks).for_each(|(m, rank)| m.rank = rank);
-    for equal in members[feasible..].chunk_by_mut(|a, b| a.violation == b.violation) {
-        equal.iter_mut().for_each(|m| m.rank = next);
-        next += 1;
+    let infeasible = members[feasible..].chunk_by_mut(|a, b| a.violation == b.violation);
+    for (rank, equal) in (next..).zip(infeasible) {
+        equal.iter_mut().for_each(|m| m.rank = rank);
     }
 }
 

@@ -103,7 +103,7 @@ fn end(study: &mut Study, ticket: &Ticket, objectives: usize) {
         study.constrain(number, vec![f64::from(number % 3) - 0.5]).unwrap();
     }
     let sum: f64 = ticket.params.iter().map(|p| libm::sin(p.internal + p.name.len() as f64)).sum();
-    study.should_prune(number, 1, if number % 5 == 0 { f64::NAN } else { sum }).unwrap();
+    study.should_prune(number, 1, if number.is_multiple_of(5) { f64::NAN } else { sum }).unwrap();
     let value = match number % 13 {
         6 => f64::INFINITY,
         7 => f64::NEG_INFINITY,
