@@ -10,6 +10,8 @@ mod importance;
 mod model;
 #[path = "golden_optuna/numeric.rs"]
 mod numeric;
+#[path = "golden_optuna/pareto.rs"]
+mod pareto;
 #[path = "golden_optuna/prune.rs"]
 mod prune;
 #[path = "golden_optuna/storage.rs"]

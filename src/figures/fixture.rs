@@ -121,10 +121,12 @@ fn experiment() -> Experiment {
             "space": {"parameters": [{"name": "learning_rate", "set": "train.learning_rate", "type": "float", "low": 1e-5,
                 "high": 1e-2, "log": true}]},
             "sampler": {"kind": "tpe", "startup_trials": 4, "candidates": 24, "prior_weight": 1.0, "magic_clip": true,
-                "endpoints": false, "constant_liar": true},
+                "endpoints": false, "constant_liar": true, "multivariate": false, "group": false, "bandwidth": "fixed",
+                "constraints": "ignored", "tournament": 3, "crossover": 0.9, "swap": 0.5, "sigma": 0.1},
             "pruner": {"kind": "median", "percentile": 50.0, "startup_trials": 3, "warmup_epochs": 10, "interval_epochs": 1,
-                "min_trials": 1},
-            "trials": 10, "concurrency": 4
+                "min_trials": 1, "wrapped": "median", "patience": 10, "min_delta": 0.0, "reduction_factor": 4,
+                "early_stopping_rate": 0, "bootstrap": 0, "p_threshold": 0.1, "startup_epochs": 2},
+            "trials": 10, "concurrency": 4, "duplicates": "allow"
         },
         "train": {"epochs": 150, "batch_size": 64, "loss": "log_cosh", "optimizer": "adam", "learning_rate": 1e-3,
             "momentum": 0.0, "weight_decay": 0.0, "augmentation_strength": 1.0,

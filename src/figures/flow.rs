@@ -95,13 +95,24 @@ fn loop_steps(run: &RunArtefacts) -> Vec<(&'static str, String)> {
     let search = &run.experiment.search;
     let sampler = match search.sampler.kind {
         SamplerKind::Tpe => format!("TPE; the first {} trials at random", search.sampler.startup_trials),
+        SamplerKind::Sequential => "each value in the light of those before".to_owned(),
         SamplerKind::Random => "at random".to_owned(),
+        SamplerKind::Grid => "points of a grid, in random order".to_owned(),
+        SamplerKind::QuasiRandom => "points of a Halton sequence".to_owned(),
+        SamplerKind::Evolutionary => "children of the best trials".to_owned(),
+        SamplerKind::Nsga2 => "children of the best trials (NSGA-II)".to_owned(),
+        SamplerKind::CmaEs => format!("CMA-ES; the first {} trials at random", search.sampler.startup_trials),
     };
     let [complete, pruned, failed] =
         [TrialState::Complete, TrialState::Pruned, TrialState::Fail].map(|s| history::count(&run.trials, s));
     let ends = match search.pruner.kind {
         PrunerKind::Median => "worse than the median at the same epoch: pruned",
         PrunerKind::Percentile => "worse than a percentile at the same epoch: pruned",
+        PrunerKind::Threshold => "beyond a bound: pruned",
+        PrunerKind::Patient => "no longer improving, and failing another rule: pruned",
+        PrunerKind::SuccessiveHalving => "not among the best at a rung: pruned",
+        PrunerKind::Hyperband => "not among the best of its bracket at a rung: pruned",
+        PrunerKind::Wilcoxon => "worse than the best trial by a signed-rank test: pruned",
         PrunerKind::None => "no pruning",
     };
     vec![

@@ -16,6 +16,8 @@ use super::{Direction, Distribution, Trial, TrialState};
 pub struct History {
     directions: Vec<Direction>,
     trials: Vec<Arc<Trial>>,
+    /// Each parameter that any trial has, with the position of the first.
+    names: Vec<(String, u32)>,
     columns: BTreeMap<String, Column>,
     steps: BTreeMap<u64, StepColumn>,
     complete: Vec<u32>,
@@ -56,6 +58,7 @@ impl History {
         History {
             directions: directions.to_vec(),
             trials: Vec::new(),
+            names: Vec::new(),
             columns: BTreeMap::new(),
             steps: BTreeMap::new(),
             complete: Vec::new(),
@@ -78,6 +81,11 @@ impl History {
     pub fn push(&mut self, trial: Arc<Trial>) {
         let position = self.trials.len() as u32;
         self.merits.push(Merit::new(&trial, self.direction()));
+        for param in &trial.params {
+            if self.place(&param.name).is_none() {
+                self.names.push((param.name.clone(), position));
+            }
+        }
         if trial.counts() || trial.state == TrialState::Running {
             for param in &trial.params {
                 if !self.columns.contains_key(&param.name) {
@@ -120,6 +128,17 @@ impl History {
                 }
             }
         }
+        while self.names.pop_if(|(_, first)| *first as usize >= self.trials.len()).is_some() {}
+    }
+
+    /// Number of parameters that had appeared in any trial, also failed ones, before `name` first did.
+    pub fn place(&self, name: &str) -> Option<usize> {
+        self.names.iter().position(|(n, _)| n == name)
+    }
+
+    /// Number of parameters that any trial has, also failed ones.
+    pub fn parameters(&self) -> usize {
+        self.names.len()
     }
 
     /// Which way each objective is better.

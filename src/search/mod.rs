@@ -62,14 +62,21 @@
 use serde::{Deserialize, Serialize};
 
 pub mod apply;
+pub mod cma;
 mod decimal;
 mod distribution;
+mod eigen;
+pub mod genetic;
+pub mod grid;
 mod groups;
+pub mod halton;
 pub mod history;
+pub mod hypervolume;
 pub mod importance;
 mod marginal;
 mod normal;
 mod normals;
+pub mod nsga2;
 mod number;
 pub mod pareto;
 pub mod parzen;
@@ -79,6 +86,8 @@ pub mod ranking;
 pub mod sampler;
 pub mod sequential;
 pub mod shared;
+#[cfg(test)]
+mod sampler_suite;
 pub mod space;
 pub mod storage;
 pub mod study;
@@ -87,10 +96,15 @@ mod trial;
 pub mod truncnorm;
 
 pub use apply::apply;
+pub use cma::{CmaOptions, CmaSampler};
 pub use distribution::{Distribution, Range, same_value};
+pub use genetic::{GeneticOptions, GeneticSampler};
+pub use grid::GridSampler;
 pub use groups::SubSpace;
+pub use halton::QuasiRandomSampler;
 pub use history::{History, Past};
 pub use importance::{Importance, importance};
+pub use nsga2::{Nsga2, Nsga2Options};
 pub use pruner::Pruner;
 pub use random::RandomSampler;
 pub use ranking::Constraints;
@@ -99,7 +113,7 @@ pub use shared::{Next, SharedStudy};
 pub use sampler::{Draws, KeyedDraws, Proposal, Sampler, Uniform};
 pub use space::{Assignment, Space};
 pub use study::{Ask, Domain, Duplicates, Outcome, Rules, Study, Ticket};
-pub use tpe::{Tpe, TpeOptions};
+pub use tpe::{SeveralObjectives, Tpe, TpeOptions};
 pub use trial::{Direction, Param, Trial};
 
 /// How far a trial got, as in Optuna.

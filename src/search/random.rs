@@ -1,6 +1,6 @@
 //! Independent uniform draws: the control, and the start of every model-based search.
 
-use super::{Distribution, Draws, History, Proposal, Sampler, Uniform};
+use super::{Distribution, Draws, History, Proposal, Range, Sampler, Uniform};
 
 /// Proposes every value uniformly over its range, on the parameter's scale.
 #[derive(Debug, Clone, Copy, Default)]
@@ -32,14 +32,40 @@ pub fn uniform(distribution: &Distribution, random: &mut dyn Uniform) -> f64 {
         }
         return best as f64;
     }
+    at_share(distribution, random.uniform())
+}
+
+/// The value at `share`, in [0, 1), of the way from the first value to the last: evenly spaced shares give
+/// evenly spread values, on the parameter's scale.
+pub(super) fn at_share(distribution: &Distribution, share: f64) -> f64 {
+    if let Some(choices) = distribution.choices() {
+        return (share * choices as f64).floor().clamp(0.0, choices.saturating_sub(1) as f64);
+    }
     let Some(range) = distribution.range() else { return distribution.first() };
     let (low, high) = range.scale();
-    let x = range.at_scale(low + (high - low) * random.uniform());
+    let x = range.at_scale(low + (high - low) * share);
     match range.step {
         Some(_) => x,
         None if distribution.single() => range.low,
-        None => x.min(range.high.next_down()),
+        None => x.clamp(range.low, range.high.next_down()),
     }
+}
+
+/// The share at which a number lies: what [`at_share`] takes back to it.
+pub(super) fn share_of(range: &Range, x: f64) -> f64 {
+    let (low, high) = range.scale();
+    if high > low { ((range.to_scale(x) - low) / (high - low)).clamp(0.0, 1.0) } else { 0.5 }
+}
+
+/// A standard normal number (Box and Muller 1958), of two uniforms.
+pub(super) fn normal(random: &mut dyn Uniform) -> f64 {
+    let radius = libm::sqrt(-2.0 * libm::log(1.0 - random.uniform()));
+    radius * libm::cos(core::f64::consts::TAU * random.uniform())
+}
+
+/// One of 0, …, `n` − 1.
+pub(super) fn below(n: usize, random: &mut dyn Uniform) -> usize {
+    ((random.uniform() * n as f64) as usize).min(n.saturating_sub(1))
 }
 
 #[cfg(test)]
@@ -60,7 +86,25 @@ mod tests {
                 prop_assert!(int.contains(uniform(&int, random)));
                 prop_assert!(float.contains(uniform(&float, random)));
                 let x = uniform(&log, random);
-                prop_assert!((1e-5 * (1.0 - 1e-15)..1e-2).contains(&x), "{x}");
+                prop_assert!((1e-5..1e-2).contains(&x), "{x}");
+            }
+        }
+    }
+
+    #[test]
+    fn shares_are_taken_back_to_the_values_they_came_from() {
+        for distribution in [
+            Distribution::int(1, 300, true, 1).unwrap(),
+            Distribution::int(-3, 9, false, 4).unwrap(),
+            Distribution::float(0.0, 1.0, false, Some(0.1)).unwrap(),
+            Distribution::float(1e-7, 1e3, true, None).unwrap(),
+        ] {
+            let range = distribution.range().unwrap();
+            for i in 0..100 {
+                let x = at_share(&distribution, f64::from(i) / 100.0);
+                assert!(distribution.contains(x), "{x}");
+                let back = at_share(&distribution, share_of(&range, x).min(1.0f64.next_down()));
+                assert!((back / x - 1.0).abs() < 1e-12 || back == x, "{x} {back}");
             }
         }
     }

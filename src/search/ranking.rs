@@ -1,6 +1,7 @@
 //! Complete and pruned trials from the best to the worst.
 
 use super::{Direction, History, Trial, TrialState};
+use crate::config::spec::ConstraintsKind;
 
 /// What constraints mean for the division into good and bad trials.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -38,6 +39,16 @@ impl Merit {
     }
 }
 
+impl From<ConstraintsKind> for Constraints {
+    fn from(kind: ConstraintsKind) -> Self {
+        match kind {
+            ConstraintsKind::Ignored => Constraints::Ignored,
+            ConstraintsKind::MissingIsInfeasible => Constraints::MissingIsInfeasible,
+            ConstraintsKind::MissingIsFeasible => Constraints::MissingIsFeasible,
+        }
+    }
+}
+
 /// Trials by merit, for one objective, constraints left aside: complete ones by value, then pruned ones,
 /// those that survived more steps first, then by their last report; ties in order of number.
 #[derive(Debug, Clone, Default)]
@@ -67,6 +78,11 @@ impl Ranking {
         }
     }
 
+    /// Whether no trial violates constraints.
+    fn plain(&self, constraints: Constraints) -> bool {
+        constraints == Constraints::Ignored || (constraints == Constraints::MissingIsFeasible && !self.constrained)
+    }
+
     /// Positions from the best to the worst.
     pub fn positions(&self) -> impl Iterator<Item = u32> {
         self.complete.iter().map(|(_, p)| *p).chain(self.pruned.iter().map(|(_, p)| *p))
@@ -78,26 +94,32 @@ impl Ranking {
 /// Trials that violate constraints come after all others, by how much they violate them. With several
 /// objectives see [`super::pareto`].
 pub fn best(history: &History, good: usize, constraints: Constraints) -> Vec<u32> {
-    let plain = constraints == Constraints::Ignored
-        || (constraints == Constraints::MissingIsFeasible && !history.ranking().constrained);
     let mut best: Vec<u32> = if history.directions().len() > 1 {
         super::pareto::best(history, good, constraints)
-    } else if plain {
+    } else if history.ranking().plain(constraints) {
         history.ranking().positions().take(good).collect()
     } else {
-        let feasible = |p: &u32| violation(&history.trials()[*p as usize], constraints) == 0.0;
-        let (mut order, mut infeasible): (Vec<u32>, Vec<u32>) = history.ranking().positions().partition(feasible);
-        infeasible.sort();
-        infeasible.sort_by(|a, b| {
-            let v = |p: &u32| violation(&history.trials()[*p as usize], constraints);
-            v(a).total_cmp(&v(b))
-        });
-        order.extend(infeasible);
+        let mut order = order(history, constraints);
         order.truncate(good);
         order
     };
     best.sort_unstable();
     best
+}
+
+/// Positions of the complete and pruned trials of `history` from the best to the worst by the first objective,
+/// those that violate constraints last.
+pub(super) fn order(history: &History, constraints: Constraints) -> Vec<u32> {
+    let violation = |p: &u32| violation(&history.trials()[*p as usize], constraints);
+    if history.ranking().plain(constraints) {
+        return history.ranking().positions().collect();
+    }
+    let (mut order, mut infeasible): (Vec<u32>, Vec<u32>) =
+        history.ranking().positions().partition(|p| violation(p) == 0.0);
+    infeasible.sort();
+    infeasible.sort_by(|a, b| violation(a).total_cmp(&violation(b)));
+    order.extend(infeasible);
+    order
 }
 
 /// By how much `trial` violates the constraints: 0 if it is feasible.
@@ -115,7 +137,7 @@ fn loss(trial: &Trial, direction: Direction) -> f64 {
 }
 
 /// What pruned trials are ordered by: minus the last step, then the value there.
-fn survival(trial: &Trial, direction: Direction) -> [f64; 2] {
+pub(super) fn survival(trial: &Trial, direction: Direction) -> [f64; 2] {
     let Some((step, value)) = trial.last_report() else { return [1.0, 0.0] };
     let loss = direction.as_loss(value);
     [equal_zeros(-(step as f64)), if loss.is_nan() { f64::INFINITY } else { equal_zeros(loss) }]
@@ -171,8 +193,7 @@ mod tests {
 
     #[test]
     fn infeasible_trials_come_last_by_how_much_they_violate() {
-        let mut trials: Vec<Trial> =
-            (0..4).map(|k| trial(k, TrialState::Complete, f64::from(k), &[])).collect();
+        let mut trials: Vec<Trial> = (0..4).map(|k| trial(k, TrialState::Complete, f64::from(k), &[])).collect();
         trials[0].constraints = Some(vec![0.5, -1.0]);
         trials[1].constraints = Some(vec![0.1, 0.1]);
         trials[2].constraints = Some(vec![-0.1]);

@@ -2,11 +2,12 @@
 
 use serde_json::Value;
 
-use super::random::RandomSampler;
-use super::tpe::{Tpe, TpeOptions};
 use super::sequential::{Agreement, Sequential};
+use super::{
+    CmaSampler, GeneticSampler, GridSampler, Nsga2, QuasiRandomSampler, RandomSampler, Space, Tpe, TpeOptions,
+};
 use super::{Distribution, History, Param};
-use crate::config::spec::{SamplerKind, SamplerSpec};
+use crate::config::spec::{SamplerKind, SamplerSpec, SpaceSpec};
 use crate::rng;
 
 /// A source of uniform random numbers.
@@ -114,6 +115,15 @@ impl Proposal {
     }
 }
 
+impl Proposal {
+    /// The value of `name` proposed jointly, if `distribution` allows it.
+    pub(super) fn joint(&self, name: &str, distribution: &Distribution) -> Option<f64> {
+        let param = self.joint.iter().flatten().find(|p| p.name == name)?;
+        let fits = param.distribution.compatible(distribution) && distribution.contains(param.internal);
+        fits.then_some(param.internal)
+    }
+}
+
 /// A way of proposing values.
 pub trait Sampler: Send + Sync {
     /// The internal value of parameter `name` of the trial `proposal`, with more than one possible value.
@@ -133,10 +143,20 @@ pub fn default() -> Box<dyn Sampler> {
     Box::new(Sequential)
 }
 
-/// The sampler that an experiment declares.
-pub fn from_spec(spec: &SamplerSpec) -> Box<dyn Sampler> {
+/// The sampler that an experiment declares for its space. A space that is wrong has no grid: its values are drawn
+/// at random until it is refused where it is used.
+pub fn from_spec(spec: &SamplerSpec, space: &SpaceSpec) -> Box<dyn Sampler> {
     match spec.kind {
+        SamplerKind::Sequential => default(),
         SamplerKind::Random => Box::new(RandomSampler),
         SamplerKind::Tpe => Box::new(Tpe::new(TpeOptions::from(spec))),
+        SamplerKind::Grid => match Space::from_spec(space) {
+            Ok(space) => Box::new(GridSampler::new(space, spec.grid_points.unwrap_or(1) as usize)),
+            Err(_) => Box::new(RandomSampler),
+        },
+        SamplerKind::QuasiRandom => Box::new(QuasiRandomSampler),
+        SamplerKind::Evolutionary => Box::new(GeneticSampler::new(spec.into())),
+        SamplerKind::Nsga2 => Box::new(Nsga2::new(spec.into())),
+        SamplerKind::CmaEs => Box::new(CmaSampler::new(spec.into())),
     }
 }

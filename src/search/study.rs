@@ -158,7 +158,7 @@ impl Rules {
     /// The rules that an experiment declares; the objective is minimised.
     pub fn from_spec(spec: &SearchSpec, seed: u64) -> Self {
         Rules {
-            sampler: sampler::from_spec(&spec.sampler),
+            sampler: sampler::from_spec(&spec.sampler, &spec.space),
             pruner: pruner::from_spec(&spec.pruner),
             directions: vec![Direction::Minimize],
             trials: spec.trials,

@@ -5,11 +5,12 @@
 
 use super::groups::SubSpace;
 use super::marginal::Marginal;
+use super::pareto;
 use super::parzen::{Bandwidth, Parzen, ParzenOptions};
 use super::random;
 use super::ranking::{self, Constraints};
 use super::{Distribution, Draws, History, Param, Proposal, Sampler, Trial, TrialState, Uniform};
-use crate::config::spec::SamplerSpec;
+use crate::config::spec::{BandwidthKind, SamplerSpec};
 
 /// Settings of the sampler.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -34,6 +35,17 @@ pub struct TpeOptions {
     pub joint_bandwidth: Bandwidth,
     /// What constraints mean.
     pub constraints: Constraints,
+    /// How good trials are counted and weighted when there are several objectives.
+    pub several: SeveralObjectives,
+}
+
+/// Good trials of several objectives (see [`pareto`]).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SeveralObjectives {
+    /// Optuna 4.9's: a tenth, at most 25, each weighted by the volume that only it dominates.
+    Weighted,
+    /// Optuna 5.0's: a tenth, however many, with equal weights.
+    Even,
 }
 
 impl TpeOptions {
@@ -50,6 +62,7 @@ impl TpeOptions {
             constant_liar: false,
             joint_bandwidth: Bandwidth::Fixed,
             constraints: Constraints::Ignored,
+            several: SeveralObjectives::Weighted,
         }
     }
 
@@ -60,8 +73,21 @@ impl TpeOptions {
             constant_liar: true,
             joint_bandwidth: Bandwidth::Neighbour,
             constraints: Constraints::MissingIsFeasible,
+            several: SeveralObjectives::Even,
             ..Self::optuna_4_9()
         }
+    }
+
+    /// Optuna 5.0's defaults for several objectives: one model for each parameter.
+    pub fn optuna_5_0_several() -> Self {
+        TpeOptions { multivariate: false, ..Self::optuna_5_0() }
+    }
+
+    /// Number of good trials in `history`.
+    fn good(&self, history: &History) -> usize {
+        let finished = history.finished();
+        let even = self.several == SeveralObjectives::Even && history.directions().len() > 1;
+        if even { (0.1 * finished as f64).ceil() as usize } else { gamma(finished) }
     }
 
     fn parzen(&self) -> ParzenOptions {
@@ -83,6 +109,13 @@ impl From<&SamplerSpec> for TpeOptions {
             magic_clip: spec.magic_clip,
             endpoints: spec.endpoints,
             constant_liar: spec.constant_liar,
+            multivariate: spec.multivariate,
+            group: spec.group,
+            joint_bandwidth: match spec.bandwidth {
+                BandwidthKind::Neighbour => Bandwidth::Neighbour,
+                BandwidthKind::Fixed => Bandwidth::Fixed,
+            },
+            constraints: spec.constraints.into(),
             ..Self::optuna_4_9()
         }
     }
@@ -137,23 +170,37 @@ impl Tpe {
     /// prior. Trials under way neither count towards the number of good ones nor are good.
     pub fn candidates(&self, history: &History, space: &SubSpace, random: &mut dyn Uniform) -> Candidates {
         let options = self.options.parzen();
-        let good = ranking::best(history, gamma(history.finished()), self.options.constraints);
+        let good = ranking::best(history, self.options.good(history), self.options.constraints);
         let distributions: Vec<&Distribution> = space.iter().map(|(_, d)| d).collect();
         let trials = good.iter().map(|p| history.trials()[*p as usize].as_ref());
-        let likely = Parzen::new(&distributions, &observations(trials, space), None, &options);
+        let weights = self.good_weights(history, &good, space);
+        let likely = Parzen::new(&distributions, &observations(trials, space), weights.as_deref(), &options);
         let points = likely.sample(self.options.candidates, random);
         let (log_bad, bad_kernels) = self.bad_side(history, &good, space, &points);
-        Candidates { log_good: likely.log_density(&points), log_bad, good_kernels: likely.weights.len(), bad_kernels, points }
+        Candidates {
+            log_good: likely.log_density(&points),
+            log_bad,
+            good_kernels: likely.weights.len(),
+            bad_kernels,
+            points,
+        }
+    }
+
+    /// Weights of those of the `good` trials that have all parameters of `space`, if not by age.
+    fn good_weights(&self, history: &History, good: &[u32], space: &SubSpace) -> Option<Vec<f64>> {
+        if history.directions().len() < 2 {
+            return None;
+        }
+        let all = match self.options.several {
+            SeveralObjectives::Weighted => pareto::weights(history, good, self.options.constraints),
+            SeveralObjectives::Even => vec![1.0; good.len()],
+        };
+        let has = |p: &u32| space.iter().all(|(n, _)| history.trials()[*p as usize].param(n).is_some());
+        Some(good.iter().zip(all).filter(|(p, _)| has(p)).map(|(_, w)| w).collect())
     }
 
     /// Log density at each point of all trials but the `good` ones, and the number of its kernels.
-    fn bad_side(
-        &self,
-        history: &History,
-        good: &[u32],
-        space: &SubSpace,
-        points: &[Vec<f64>],
-    ) -> (Vec<f64>, usize) {
+    fn bad_side(&self, history: &History, good: &[u32], space: &SubSpace, points: &[Vec<f64>]) -> (Vec<f64>, usize) {
         let mut chosen = vec![true; history.trials().len()];
         good.iter().for_each(|p| chosen[*p as usize] = false);
         if !self.options.constant_liar {

@@ -17,7 +17,7 @@ fn ndtr(a: f64) -> f64 {
 pub fn log_ndtr(a: f64) -> f64 {
     if a > 6.0 {
         -ndtr(-a)
-    } else if a > -20.0 {
+    } else if a > -20.0 || a.is_nan() {
         libm::log(ndtr(a))
     } else {
         let inverse_square = 1.0 / (a * a);

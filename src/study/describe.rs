@@ -125,11 +125,22 @@ fn flow(subject: &Subject<'_>) -> Vec<FlowStep> {
 fn study_words(spec: &Experiment) -> String {
     let sampler = match spec.search.sampler.kind {
         SamplerKind::Tpe => "TPE",
+        SamplerKind::Sequential => "sequential Parzen",
         SamplerKind::Random => "random",
+        SamplerKind::Grid => "grid",
+        SamplerKind::QuasiRandom => "quasi-random",
+        SamplerKind::Evolutionary => "evolutionary",
+        SamplerKind::Nsga2 => "NSGA-II",
+        SamplerKind::CmaEs => "CMA-ES",
     };
     let pruner = match spec.search.pruner.kind {
         PrunerKind::Median => "median pruner",
         PrunerKind::Percentile => "percentile pruner",
+        PrunerKind::Threshold => "threshold pruner",
+        PrunerKind::Patient => "patient pruner",
+        PrunerKind::SuccessiveHalving => "successive-halving pruner",
+        PrunerKind::Hyperband => "Hyperband pruner",
+        PrunerKind::Wilcoxon => "Wilcoxon pruner",
         PrunerKind::None => "no pruner",
     };
     format!("{sampler} sampler, {pruner}, at most {} epochs", thousands(spec.train.epochs.into()))

@@ -2,6 +2,7 @@
 
 mod data;
 mod model;
+mod search;
 mod space;
 
 use std::sync::Arc;
@@ -10,7 +11,8 @@ use serde::de::DeserializeOwned;
 
 use super::error::{Diagnostic, Place, Source};
 use super::spec::{
-    AugmentSpec, BackboneSpec, BaselineSpec, DatasetSpec, NetworkSpec, PrunerSpec, SpaceSpec, SplitSpec, TrainSpec,
+    AugmentSpec, BackboneSpec, BaselineSpec, DatasetSpec, NetworkSpec, PrunerSpec, SamplerSpec, SpaceSpec, SplitSpec,
+    TrainSpec,
 };
 use super::tree::Node;
 
@@ -26,6 +28,7 @@ pub(super) fn check(file: &Arc<Source>, tree: &Node, faulty: &[Vec<String>]) -> 
     let network: Option<NetworkSpec> = sections.get(&["network"]);
     let space: Option<SpaceSpec> = sections.get(&["search", "space"]);
     let pruner: Option<PrunerSpec> = sections.get(&["search", "pruner"]);
+    let sampler: Option<SamplerSpec> = sections.get(&["search", "sampler"]);
     let backbone: Option<BackboneSpec> = sections.get(&["backbone"]);
     let baseline: Option<BaselineSpec> = sections.get(&["baseline"]);
     let train: Option<TrainSpec> = sections.get(&["train"]);
@@ -51,7 +54,10 @@ pub(super) fn check(file: &Arc<Source>, tree: &Node, faulty: &[Vec<String>]) -> 
         space::check(&mut rules, space, network);
     }
     if let Some(pruner) = &pruner {
-        model::pruner(&mut rules, pruner);
+        search::pruner(&mut rules, pruner);
+    }
+    if let Some(sampler) = &sampler {
+        search::sampler(&mut rules, sampler, space.as_ref());
     }
     rules.found
 }

@@ -1,10 +1,9 @@
-//! Rules of backbone, network, baseline and pruner.
+//! Rules of backbone, network and baseline.
 
 use super::Rules;
 use crate::config::error::choice_hint;
 use crate::config::spec::{
-    Activation, Architecture, BackboneSpec, BaselineSpec, LayerSpec, NetworkKind, NetworkSpec, PrunerKind, PrunerSpec,
-    Tune,
+    Activation, Architecture, BackboneSpec, BaselineSpec, LayerSpec, NetworkKind, NetworkSpec, Tune,
 };
 
 const ONE_BACKBONE: &str = "needs training through the backbone, which this version does not do";
@@ -88,16 +87,5 @@ fn layers(rules: &mut Rules<'_>, path: &str, layers: &[LayerSpec]) {
                 "choose relu, sigmoid or tanh; linear is for `network.output`",
             );
         }
-    }
-}
-
-pub(super) fn pruner(rules: &mut Rules<'_>, spec: &PrunerSpec) {
-    if spec.kind == PrunerKind::Percentile && !(spec.percentile > 0.0 && spec.percentile < 100.0) {
-        let message = format!("`search.pruner.percentile` {} keeps all trials or none", spec.percentile);
-        rules.refuse(
-            "search.pruner.percentile",
-            message,
-            "choose a value between 0 and 100, or `use: none` to keep all",
-        );
     }
 }

@@ -18,7 +18,8 @@ pub use model::{
     NetworkSpec, Optimizer, TrainSpec, Tune,
 };
 pub use search::{
-    DuplicatesKind, ParameterSpec, ParameterType, PrunerKind, PrunerSpec, SamplerKind, SamplerSpec, SearchSpec, SpaceSpec,
+    BandwidthKind, ConstraintsKind, DuplicatesKind, ParameterSpec, ParameterType, PrunerKind, PrunerSpec, SamplerKind,
+    SamplerSpec, SearchSpec, SpaceSpec,
 };
 
 use schemars::JsonSchema;

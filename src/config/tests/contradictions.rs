@@ -137,6 +137,46 @@ fn contradictions_that_rules_find() {
             "relu",
         ),
         (
+            "seed: 1\nsearch: {sampler: {use: grid, grid_points: null}}\n",
+            "study.yaml:2:44: a grid has no points for `dropout_rate_layer_{i}`, which is continuous",
+            "grid_points: 5",
+        ),
+        (
+            "seed: 1\nsearch: {sampler: {use: tpe, group: true}}\n",
+            "study.yaml:2:37: `search.sampler.group` models parameters jointly, but `multivariate` is false",
+            "multivariate: true",
+        ),
+        (
+            "seed: 1\nsearch: {sampler: {use: evolutionary, population: 2}}\n",
+            "study.yaml:2:51: a tournament of 3 is larger than the population of 2",
+            "usual",
+        ),
+        (
+            "seed: 1\nsearch: {pruner: {use: threshold, upper: null}}\n",
+            "study.yaml:2:42: `search.pruner` has neither `lower` nor `upper`, so it would end no trial",
+            "upper: 1.0",
+        ),
+        (
+            "seed: 1\nsearch: {pruner: {use: threshold, lower: 2}}\n",
+            "study.yaml:2:42: `search.pruner.lower` 2 is above `upper` 1: every trial would end",
+            "exchange",
+        ),
+        (
+            "seed: 1\nsearch: {pruner: {use: patient, wrapped: patient}}\n",
+            "study.yaml:2:42: `search.pruner.wrapped` is `patient` itself",
+            "another kind",
+        ),
+        (
+            "seed: 1\nsearch: {pruner: {use: hyperband, min_resource: 9, max_resource: 3}}\n",
+            "study.yaml:2:49: `search.pruner.min_resource` 9 is above `max_resource` 3",
+            "exchange",
+        ),
+        (
+            "seed: 1\nsearch: {pruner: {use: successive_halving, bootstrap: 3}}\n",
+            "study.yaml:2:55: `search.pruner.bootstrap` needs a `min_resource`: without one, rungs are not known at the start",
+            "number of epochs",
+        ),
+        (
             "seed: 1\nsearch: {pruner: {use: percentile, percentile: 0}}\n",
             "study.yaml:2:48: `search.pruner.percentile` 0 keeps all trials or none",
             "between 0 and 100",

@@ -3,10 +3,14 @@
 mod halving;
 mod percentile;
 mod simple;
+#[cfg(test)]
+mod suite;
+mod wilcoxon;
 
 pub use halving::{Halving, Hyperband, Resource};
 pub use percentile::Percentile;
 pub use simple::{Never, Patient, Threshold};
+pub use wilcoxon::Wilcoxon;
 
 use super::{Past, Trial};
 use crate::config::spec::{PrunerKind, PrunerSpec};
@@ -35,17 +39,52 @@ pub trait Pruner: Send + Sync {
 
 /// The pruner that an experiment declares.
 pub fn from_spec(spec: &PrunerSpec) -> Box<dyn Pruner> {
-    let percentile = match spec.kind {
-        PrunerKind::None => return Box::new(Never),
-        PrunerKind::Median => 50.0,
-        PrunerKind::Percentile => spec.percentile,
-    };
-    Box::new(Percentile {
+    of_kind(spec, spec.kind)
+}
+
+fn of_kind(spec: &PrunerSpec, kind: PrunerKind) -> Box<dyn Pruner> {
+    let window = Window { warmup: spec.warmup_epochs.into(), interval: spec.interval_epochs.into() };
+    let resource = |epochs: Option<u32>| epochs.map_or(Resource::Auto, |n| Resource::Steps(n.into()));
+    let (reduction_factor, bootstrap) = (spec.reduction_factor.into(), spec.bootstrap as usize);
+    let percentile = |percentile| Percentile {
         percentile,
         startup_trials: spec.startup_trials as usize,
-        window: Window { warmup: spec.warmup_epochs.into(), interval: spec.interval_epochs.into() },
+        window,
         min_trials: spec.min_trials as usize,
-    })
+    };
+    match kind {
+        PrunerKind::None => Box::new(Never),
+        PrunerKind::Median => Box::new(percentile(50.0)),
+        PrunerKind::Percentile => Box::new(percentile(spec.percentile)),
+        PrunerKind::Threshold => Box::new(Threshold { lower: spec.lower, upper: spec.upper, window }),
+        PrunerKind::Patient => {
+            Box::new(Patient { wrapped: wrapped(spec), patience: spec.patience as usize, min_delta: spec.min_delta })
+        }
+        PrunerKind::SuccessiveHalving => Box::new(Halving {
+            min_resource: resource(spec.min_resource),
+            reduction_factor,
+            early_stopping_rate: spec.early_stopping_rate,
+            bootstrap,
+        }),
+        PrunerKind::Hyperband => Box::new(Hyperband {
+            min_resource: spec.min_resource.unwrap_or(1).into(),
+            max_resource: resource(spec.max_resource),
+            reduction_factor,
+            bootstrap,
+            study: "panotune".to_owned(),
+        }),
+        PrunerKind::Wilcoxon => {
+            Box::new(Wilcoxon { p_threshold: spec.p_threshold, startup_steps: spec.startup_epochs as usize })
+        }
+    }
+}
+
+/// What a patient pruner asks: nothing if it names none, or itself.
+fn wrapped(spec: &PrunerSpec) -> Option<Box<dyn Pruner>> {
+    match spec.wrapped {
+        PrunerKind::None | PrunerKind::Patient => None,
+        kind => Some(of_kind(spec, kind)),
+    }
 }
 
 /// At which reports a trial is judged.
