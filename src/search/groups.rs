@@ -19,9 +19,9 @@ impl Groups {
     pub(super) fn push(&mut self, trial: &Trial) {
         match &mut self.common {
             None => self.common = Some(space(trial)),
-            Some(common) => common.retain(|(name, distribution)| {
-                trial.param(name).is_some_and(|p| p.distribution == *distribution)
-            }),
+            Some(common) => {
+                common.retain(|(name, distribution)| trial.param(name).is_some_and(|p| p.distribution == *distribution))
+            }
         }
         self.divide(trial);
     }

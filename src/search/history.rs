@@ -171,6 +171,11 @@ impl History {
         self.columns.get(name)
     }
 
+    /// Values of all parameters, by name.
+    pub fn columns(&self) -> impl Iterator<Item = (&str, &Column)> {
+        self.columns.iter().map(|(name, column)| (name.as_str(), column))
+    }
+
     /// Complete and pruned trials from the best to the worst.
     pub fn ranking(&self) -> &Ranking {
         &self.ranking

@@ -83,8 +83,7 @@ impl Normals {
         narrowest: f64,
         sums: &mut [f64],
     ) {
-        let (means, inverses, factors) =
-            (&self.means[part.clone()], &self.inverses[part.clone()], &self.factors[part]);
+        let (means, inverses, factors) = (&self.means[part.clone()], &self.inverses[part.clone()], &self.factors[part]);
         let (low, high, sums) = (&points.low[at.clone()], &points.high[at.clone()], &mut sums[at]);
         if !points.stepped {
             return normal::add_bells(low, means, inverses, factors, sums);

@@ -222,8 +222,7 @@ impl Kernels {
 
     /// Multiplies each factor by what of a kernel's density does not depend on the point.
     fn multiply_constants(&self, factors: &mut [f64]) {
-        let Kernels::Number(NumberKernels { masses: Masses::Plain { within, inverses, .. }, range, .. }) = self
-        else {
+        let Kernels::Number(NumberKernels { masses: Masses::Plain { within, inverses, .. }, range, .. }) = self else {
             return;
         };
         let cells = range.cells();

@@ -16,12 +16,17 @@
 //!   them to where the bad density happens to be low (Watanabe 2023).
 //! - The first trials are a Latin hypercube (McKay et al. 1979).
 //! - No trial repeats another, as far as its last parameter can avoid it.
+//! - One trial in five is a *detour*: one parameter of few values is another than in the best trial. Half of
+//!   these change a parameter on which the existence of others depends, and keep what came before it; so a
+//!   branch that looked bad once is tried again with good values of everything else. (Coordinate search
+//!   within an ε-greedy policy.)
 
 use super::history::Column;
 use super::normal;
 use super::normals::Normals;
+use super::parzen::{age_weight, neighbour_distances};
 use super::random;
-use super::{Distribution, Draws, History, Proposal, Range, Sampler, Uniform};
+use super::{Distribution, Draws, History, Proposal, Range, Sampler, Trial, Uniform};
 
 /// Finished trials before the model is used.
 const STARTUP: usize = 8;
@@ -41,6 +46,12 @@ const WIDTH_AT: f64 = 30.0;
 const WIDTH_POWER: f64 = -0.4;
 /// Width of the only good kernel, before the least width is looked at.
 const LONELY: f64 = 0.3;
+/// Share of detours.
+const DETOURS: f64 = 0.2;
+/// Share of detours that change a parameter on which the existence of others depends, if there is one.
+const BRANCHING: f64 = 0.5;
+/// Most values of a parameter of few.
+const FEW: f64 = 16.0;
 /// Candidates for a number.
 const CANDIDATES: usize = 4;
 /// Candidates for a choice.
@@ -57,12 +68,61 @@ pub struct Agreement {
     weights: Vec<f64>,
     /// Positions of the trials that have exactly these values, and perhaps more.
     same: Vec<u32>,
+    /// For a trial that leaves the model's way.
+    detour: Option<Detour>,
+    /// Trials to which the model is restricted, by position; empty: all.
+    branch: Vec<bool>,
+}
+
+/// A trial that differs from the best one in a parameter of few values.
+#[derive(Debug, Clone)]
+struct Detour {
+    /// Position of the best trial.
+    best: usize,
+    /// The parameter.
+    changed: String,
+    /// Whether it was chosen because other parameters exist or not depending on it.
+    branching: bool,
+    /// Whether it is a choice.
+    choice: bool,
+}
+
+impl Detour {
+    /// Whether the trial keeps the value of `name`: into another branch those before the change, along a number
+    /// all of them.
+    fn keeps(&self, best: &Trial, name: &str) -> bool {
+        let place = |n: &str| best.params.iter().position(|p| p.name == n);
+        self.branching && (!self.choice || place(name) < place(&self.changed))
+    }
 }
 
 impl Agreement {
-    fn new(history: &History) -> Self {
+    fn new(history: &History, draws: &mut dyn Draws) -> Self {
         let trials = history.trials().len();
-        Agreement { weights: vec![1.0; trials], same: (0..trials as u32).collect() }
+        let detour = detour(history, draws.model("detour"));
+        Agreement { weights: vec![1.0; trials], same: (0..trials as u32).collect(), detour, branch: Vec::new() }
+    }
+
+    /// The value that a detour prescribes.
+    fn value_of_detour(
+        &self,
+        history: &History,
+        name: &str,
+        distribution: &Distribution,
+        taken: &[f64],
+        draws: &mut dyn Draws,
+    ) -> Option<f64> {
+        let detour = self.detour.as_ref()?;
+        let best = &history.trials()[detour.best];
+        let own = best.param(name)?.internal;
+        let value = if name == detour.changed {
+            changed_value(history, name, distribution, own, draws.model("changed"))
+        } else if detour.keeps(best, name) {
+            own
+        } else {
+            return None;
+        };
+        (distribution.contains(value) && !taken.contains(&value)).then_some(value)
     }
 
     /// Values of the next parameter, `name`, with which the trial would end as one of the past trials did.
@@ -96,23 +156,97 @@ impl Sampler for Sequential {
             return stratified(proposal.number as usize, name, distribution, draws);
         }
         let proposed = proposal.params.len();
-        let mut agreement = proposal.agreement.take().unwrap_or_else(|| Agreement::new(history));
+        let mut agreement = proposal.agreement.take().unwrap_or_else(|| Agreement::new(history, draws));
         // Parameters that were not asked of a sampler, such as those with one value, count for sameness too.
         let value = match history.column(name) {
             Some(column) if column.best.len() >= LEAST_SEEN && column.distribution.compatible(distribution) => {
                 let taken = agreement.taken(history, proposed, name);
-                let sides = Sides::new(column);
+                let sides = Sides::new(column, &agreement.branch);
+                let given = agreement.value_of_detour(history, name, distribution, &taken, draws);
                 match distribution.range() {
-                    Some(range) => number(&sides, &range, &taken, &mut agreement.weights, draws.model(name)),
-                    None => choice(&sides, distribution, &taken, &mut agreement.weights, draws.model(name)),
+                    Some(range) => number(&sides, &range, &taken, given, &mut agreement.weights, draws.model(name)),
+                    None => choice(&sides, distribution, &taken, given, &mut agreement.weights, draws.model(name)),
                 }
             }
             _ => random::uniform(distribution, draws.startup(name)),
         };
+        if agreement.detour.as_ref().is_some_and(|d| d.branching && d.choice && d.changed == name) {
+            agreement.branch =
+                history.trials().iter().map(|t| t.param(name).is_some_and(|p| p.internal == value)).collect();
+        }
         agreement.retain_same(history, proposed, name, value);
         proposal.agreement = Some(agreement);
         value
     }
+}
+
+/// Now and then, the best trial and one of its parameters of few values.
+fn detour(history: &History, random: &mut dyn Uniform) -> Option<Detour> {
+    if random.uniform() >= DETOURS {
+        return None;
+    }
+    let best = history.ranking().positions().next()? as usize;
+    let few = |d: &Distribution| d.choices().map_or_else(|| d.range().is_some_and(few_steps), |n| n > 1);
+    let params = history.trials()[best].params.iter().filter(|p| few(&p.distribution));
+    let names: Vec<&str> = params.map(|p| p.name.as_str()).collect();
+    let structural: Vec<&str> = names.iter().copied().filter(|n| is_structural(history, n)).collect();
+    let branching = random.uniform() < BRANCHING && !structural.is_empty();
+    let names = if branching { structural } else { names };
+    let changed = *names.get((random.uniform() * names.len() as f64) as usize)?;
+    let choice = history.column(changed)?.distribution.choices().is_some();
+    Some(Detour { best, changed: changed.to_owned(), branching, choice })
+}
+
+fn few_steps(range: Range) -> bool {
+    range.step.is_some() && (2.0..=FEW).contains(&range.cells())
+}
+
+/// Whether another parameter exists or not depending on the value of `name`, as far as the latest trials show.
+fn is_structural(history: &History, name: &str) -> bool {
+    let Some(column) = history.column(name) else { return false };
+    let first = history.trials().len().saturating_sub(MOST_BAD) as u32;
+    let from = column.positions.partition_point(|p| *p < first);
+    let (positions, values) = (&column.positions[from..], &column.values[from..]);
+    history.columns().any(|(other, c)| other != name && decides(positions, values, &c.positions))
+}
+
+/// Whether the trials at `positions` have another parameter, which those at `others` have, depending on `values`.
+fn decides(positions: &[u32], values: &[f64], others: &[u32]) -> bool {
+    let mut counts: Vec<(f64, u32, u32)> = Vec::new();
+    for (p, v) in positions.iter().zip(values) {
+        let with = u32::from(others.binary_search(p).is_ok());
+        match counts.iter_mut().find(|(x, _, _)| x == v) {
+            Some((_, all, having)) => {
+                *all += 1;
+                *having += with;
+            }
+            None => counts.push((*v, 1, with)),
+        }
+    }
+    let decided = counts.iter().all(|(_, all, having)| *having == 0 || having == all);
+    let sure = |having: bool| counts.iter().any(|(_, all, h)| *all >= 2 && (*h > 0) == having);
+    decided && sure(true) && sure(false)
+}
+
+/// Another value than `own`: the choice that was tried least, or a number a step or two away.
+fn changed_value(
+    history: &History,
+    name: &str,
+    distribution: &Distribution,
+    own: f64,
+    random: &mut dyn Uniform,
+) -> f64 {
+    let Some(range) = distribution.range() else {
+        let seen = history.column(name).map_or(&[][..], |c| &c.values);
+        let tried = |c: usize| seen.iter().filter(|x| **x == c as f64).count() as f64;
+        let others = (0..distribution.choices().unwrap_or(1)).filter(|c| *c as f64 != own);
+        // Ties are broken at random.
+        let counts = others.map(|c| (c as f64, tried(c) + 0.5 * random.uniform()));
+        return counts.reduce(|a, b| if b.1 < a.1 { b } else { a }).map_or(own, |(c, _)| c);
+    };
+    let far = if random.uniform() < 0.6 { 1.0 } else { 2.0 };
+    let step = far * range.step.unwrap_or(1.0) * if random.uniform() < 0.5 { -1.0 } else { 1.0 };
+    [own + step, own - step].into_iter().find(|x| distribution.contains(*x)).unwrap_or(own)
 }
 
 /// A draw of a Latin hypercube: within a block of [`STARTUP`] trials every parameter visits every stratum.
@@ -144,20 +278,26 @@ fn at_share(distribution: &Distribution, share: f64) -> f64 {
 struct Sides<'a> {
     column: &'a Column,
     /// From the best to the worst.
-    good: &'a [u32],
+    good: Vec<u32>,
     /// In order of number; those under way among them.
     bad: Vec<u32>,
+    /// Number of complete and pruned ones.
+    seen: usize,
 }
 
 impl<'a> Sides<'a> {
-    fn new(column: &'a Column) -> Self {
-        let seen = column.best.len();
-        let count = (GOOD * seen as f64).ceil() as usize;
-        let good = &column.best[..count.clamp(1, MOST_GOOD)];
+    /// Divides the trials of a branch (all, if it is empty, or has too few).
+    fn new(column: &'a Column, branch: &[bool]) -> Self {
+        let within = |i: &u32| branch[column.positions[*i as usize] as usize];
+        let local = !branch.is_empty() && column.best.iter().filter(|i| within(i)).count() >= LEAST_SEEN;
+        let included = |i: &u32| !local || within(i);
+        let seen = column.best.iter().filter(|i| included(i)).count();
+        let count = ((GOOD * seen as f64).ceil() as usize).clamp(1, MOST_GOOD);
+        let good: Vec<u32> = column.best.iter().copied().filter(included).take(count).collect();
         let mut is_good = vec![false; column.positions.len()];
         good.iter().for_each(|i| is_good[*i as usize] = true);
-        let bad = (0..column.positions.len() as u32).filter(|i| !is_good[*i as usize]).collect();
-        Sides { column, good, bad }
+        let bad = (0..column.positions.len() as u32).filter(|i| !is_good[*i as usize] && included(i)).collect();
+        Sides { column, good, bad, seen }
     }
 
     /// The latest bad ones, which have kernels, and those before them.
@@ -178,9 +318,10 @@ impl<'a> Sides<'a> {
         mixture(self.good.iter().enumerate().map(|(r, i)| scale * rank(r) * agreement[self.position(*i)]))
     }
 
-    /// Weights of the bad trials' kernels, then the prior's; they sum to 1.
+    /// Weights of the bad trials' kernels, then the prior's; they sum to 1. Older ones weigh less.
     fn bad_weights(&self, recent: &[u32], agreement: &[f64]) -> Vec<f64> {
-        mixture(recent.iter().map(|i| agreement[self.position(*i)]))
+        let weight = |(j, i): (usize, &u32)| age_weight(j, recent.len()) * agreement[self.position(*i)];
+        mixture(recent.iter().enumerate().map(weight))
     }
 }
 
@@ -204,14 +345,21 @@ fn pick(weights: &[f64], u: f64) -> usize {
 
 /// Proposes a number and lets the trials' agreement follow. Everything is on the unit scale: the range, on the
 /// parameter's scale, from 0 to 1; a step only widens kernels to half a cell.
-fn number(sides: &Sides, range: &Range, taken: &[f64], agreement: &mut [f64], random: &mut dyn Uniform) -> f64 {
+fn number(
+    sides: &Sides,
+    range: &Range,
+    taken: &[f64],
+    given: Option<f64>,
+    agreement: &mut [f64],
+    random: &mut dyn Uniform,
+) -> f64 {
     let scale = UnitScale::new(range);
     let (recent, old) = sides.recent();
     let good_widths = scale.good_widths(sides);
     let bad_widths = scale.bad_widths(sides, recent);
-    let good = scale.kernels(sides, sides.good, &good_widths, &sides.good_weights(agreement));
+    let good = scale.kernels(sides, &sides.good, &good_widths, &sides.good_weights(agreement));
     let bad = scale.kernels(sides, recent, &bad_widths, &sides.bad_weights(recent, agreement));
-    let candidates = scale.draw(&good, random);
+    let candidates = given.map_or_else(|| scale.draw(&good, random), |x| [x; CANDIDATES]);
     let places: Vec<f64> = candidates.iter().map(|x| scale.unit(range.to_scale(*x))).collect();
     let score = |kernels: &Kernels| {
         let mut sums = [0.0; CANDIDATES];
@@ -222,7 +370,7 @@ fn number(sides: &Sides, range: &Range, taken: &[f64], agreement: &mut [f64], ra
     let free = (0..CANDIDATES).filter(|i| !taken.contains(&candidates[*i]));
     let best = free.reduce(|b, i| if likely[i] - unlikely[i] > likely[b] - unlikely[b] { i } else { b });
     let chosen = best.unwrap_or(CANDIDATES - 1);
-    good.follow(sides, sides.good, places[chosen], agreement);
+    good.follow(sides, &sides.good, places[chosen], agreement);
     bad.follow(sides, recent, places[chosen], agreement);
     let narrow = scale.without_masses(sides, old, 1.0 / scale.least_bad_width(recent.len()));
     narrow.follow(sides, old, places[chosen], agreement);
@@ -274,12 +422,12 @@ impl<'a> UnitScale<'a> {
     }
 
     fn good_widths(&self, sides: &Sides) -> Vec<f64> {
-        let means = self.means(sides, sides.good);
+        let means = self.means(sides, &sides.good);
         let k = means.len() as f64;
         let mean = means.iter().sum::<f64>() / k;
         let squares: f64 = means.iter().map(|m| (m - mean) * (m - mean)).sum();
         let deviation = if means.len() < 2 { LONELY } else { (squares / (k - 1.0)).sqrt() };
-        let least = WIDTH * libm::pow(sides.column.best.len() as f64 / WIDTH_AT, WIDTH_POWER);
+        let least = WIDTH * libm::pow(sides.seen as f64 / WIDTH_AT, WIDTH_POWER);
         let width = (deviation * libm::pow(k, -0.2)).max(least);
         sides.good.iter().map(|i| self.bounded(sides, *i, width)).collect()
     }
@@ -293,7 +441,7 @@ impl<'a> UnitScale<'a> {
     fn bad_widths(&self, sides: &Sides, recent: &[u32]) -> Vec<f64> {
         let means = self.means(sides, recent);
         let least = self.least_bad_width(recent.len());
-        let widths = super::parzen::neighbour_distances(&means, 0.0, 1.0, false);
+        let widths = neighbour_distances(&means, 0.0, 1.0, false);
         widths.iter().zip(recent).map(|(w, i)| self.bounded(sides, *i, w.max(least))).collect()
     }
 
@@ -338,13 +486,7 @@ impl Kernels {
         let n = trials.len();
         let mut weights: Vec<f64> = trials.iter().map(|i| agreement[sides.position(*i)]).collect();
         let normals = &self.normals;
-        normal::multiply_roots(
-            place,
-            &normals.means[..n],
-            &normals.inverses[..n],
-            &normals.factors[..n],
-            &mut weights,
-        );
+        normal::multiply_roots(place, &normals.means[..n], &normals.inverses[..n], &normals.factors[..n], &mut weights);
         trials.iter().zip(weights).for_each(|(i, w)| agreement[sides.position(*i)] = w);
     }
 }
@@ -361,6 +503,7 @@ fn choice(
     sides: &Sides,
     distribution: &Distribution,
     taken: &[f64],
+    given: Option<f64>,
     agreement: &mut [f64],
     random: &mut dyn Uniform,
 ) -> f64 {
@@ -378,10 +521,10 @@ fn choice(
         }
         sums
     };
-    let likely = density(sides.good, sides.good_weights(agreement));
+    let likely = density(&sides.good, sides.good_weights(agreement));
     let unlikely = density(recent, sides.bad_weights(recent, agreement));
-    let chosen = best_choice(&likely, &unlikely, taken, random);
-    for (trials, n) in [(sides.good, sides.good.len()), (sides.bad.as_slice(), recent.len())] {
+    let chosen = given.map_or_else(|| best_choice(&likely, &unlikely, taken, random), |x| x as usize);
+    for (trials, n) in [(sides.good.as_slice(), sides.good.len()), (sides.bad.as_slice(), recent.len())] {
         let (hit, miss) = hit_and_miss(n, choices);
         let roots = [hit, miss].map(|p| (p * choices as f64).sqrt());
         for i in trials {

@@ -377,9 +377,8 @@ impl Study {
         let mut draws = KeyedDraws::new(self.rules.seed, number, redraw);
         let mut proposal = Proposal::new(number, fixed);
         let sampler = if redraw > REDRAWS / 2 { &RandomSampler } else { self.rules.sampler.as_ref() };
-        self.domain.walk(&mut |name, distribution| {
-            proposal.suggest(name, distribution, sampler, &self.history, &mut draws)
-        });
+        self.domain
+            .walk(&mut |name, distribution| proposal.suggest(name, distribution, sampler, &self.history, &mut draws));
         proposal.params
     }
 

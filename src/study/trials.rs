@@ -60,7 +60,8 @@ pub(super) fn search(
     stages.progress.advance(done);
     stages.progress.begin("epochs", epochs * u64::from(spec.search.trials));
     stages.progress.advance(done * epochs);
-    let office = Office { spec, space, run: run.path(), training, stages, study: Mutex::new(study), changed: Condvar::new() };
+    let office =
+        Office { spec, space, run: run.path(), training, stages, study: Mutex::new(study), changed: Condvar::new() };
     let workers = options.threads.min(spec.search.concurrency as usize).max(1);
     let result = side_by_side(workers, || office.work());
     stages.progress.end();

@@ -132,7 +132,8 @@ fn row(objective: &Objective, space: &str, (name, sampler): (&str, Box<dyn Sampl
 fn peers() -> Vec<Value> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let python = std::env::var_os("PANOTUNE_PYTHON").map_or(root.join("target/python/bin/python"), PathBuf::from);
-    let output = Command::new(&python).arg(root.join("tests/peers/search_latency.py")).stderr(Stdio::inherit()).output();
+    let output =
+        Command::new(&python).arg(root.join("tests/peers/search_latency.py")).stderr(Stdio::inherit()).output();
     let rows = output.ok().filter(|o| o.status.success()).and_then(|o| serde_json::from_slice(&o.stdout).ok());
     rows.unwrap_or_else(|| {
         println!("no peers: {} has neither Optuna nor Rustuna", python.display());

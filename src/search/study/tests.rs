@@ -208,7 +208,10 @@ fn outcomes_are_recorded_as_optuna_does() {
     assert_eq!(told(&mut study, 0, Outcome::Pruned), (TrialState::Pruned, Some(0.25)), "a step's first value counts");
     assert_eq!(told(&mut study, 1, Outcome::Pruned), (TrialState::Pruned, None));
     assert_eq!(told(&mut study, 2, Outcome::Complete(vec![f64::NAN])), (TrialState::Fail, None));
-    assert_eq!(told(&mut study, 3, Outcome::Complete(vec![f64::INFINITY])), (TrialState::Complete, Some(f64::INFINITY)));
+    assert_eq!(
+        told(&mut study, 3, Outcome::Complete(vec![f64::INFINITY])),
+        (TrialState::Complete, Some(f64::INFINITY))
+    );
     assert_eq!(study.tell(3, Outcome::Pruned), Err(StudyError::NotUnderWay { number: 3 }));
     assert_eq!(study.should_prune(9, 0, 0.0), Err(StudyError::NotUnderWay { number: 9 }));
 }
