@@ -96,9 +96,13 @@ macro_rules! in_bulk {
             {
                 #[target_feature(enable = "avx2,fma")]
                 fn wide($($arg: $type),*) $(-> $out)? { body($($arg),*) }
-                if isa() != Isa::Portable {
-                    // SAFETY: `isa` gives another than the portable set only where AVX2 and FMA exist.
-                    return unsafe { wide($($arg),*) };
+                #[target_feature(enable = "avx512f,avx2,fma")]
+                fn widest($($arg: $type),*) $(-> $out)? { body($($arg),*) }
+                // SAFETY: `isa` gives an instruction set only where it exists; with AVX-512 come AVX2 and FMA.
+                match isa() {
+                    Isa::Avx512 => return unsafe { widest($($arg),*) },
+                    Isa::Avx2 => return unsafe { wide($($arg),*) },
+                    Isa::Portable => {}
                 }
             }
             body($($arg),*)
