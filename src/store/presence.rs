@@ -20,11 +20,17 @@ impl Presence {
     /// # Errors
     /// The file cannot be made or locked.
     pub fn show(folder: &Path) -> Result<Self, Error> {
-        create_dir(folder)?;
         let name = unique_word();
         let path = folder.join(&name);
-        let file = File::options().create_new(true).append(true).open(&path);
-        let file = file.map_err(|e| Error::io("create", &path, e))?;
+        let file = loop {
+            create_dir(folder)?;
+            match File::options().create_new(true).append(true).open(&path) {
+                Ok(file) => break file,
+                // The last of the others has just left and taken the folder with it.
+                Err(e) if e.kind() == std::io::ErrorKind::NotFound && !folder.exists() => {}
+                Err(e) => return Err(Error::io("create", &path, e)),
+            }
+        };
         file.lock().map_err(|e| Error::io("lock", &path, e))?;
         Ok(Presence { folder: folder.to_owned(), name, _lock: file })
     }
