@@ -18,26 +18,23 @@ ACTIVATIONS = ["relu", "sigmoid", "tanh"]
 
 
 def suggest(trial, flat):
-    """Asks for the values of the space; returns their number."""
-    count = 3
+    """Asks for the values of the space and returns them."""
     layers = trial.suggest_int("n_layers", 2, 12)
+    values = [layers]
     for ending in [""] if flat else [f"_{i}" for i in range(layers)]:
-        trial.suggest_int("units" + ending, 32, 256)
-        trial.suggest_categorical("activation" + ending, ACTIVATIONS)
-        trial.suggest_float("dropout" + ending, 0.0, 0.5)
-        count += 3
-    optimizer = trial.suggest_categorical("optimizer", ["adam", "sgd"])
-    trial.suggest_float("learning_rate", 1e-5, 1e-2, log=True)
-    if optimizer == "sgd":
-        trial.suggest_float("momentum", 0.0, 0.9)
-        count += 1
-    return count
+        values.append(trial.suggest_int("units" + ending, 32, 256))
+        values.append(trial.suggest_categorical("activation" + ending, ACTIVATIONS))
+        values.append(trial.suggest_float("dropout" + ending, 0.0, 0.5))
+    values.append(trial.suggest_categorical("optimizer", ["adam", "sgd"]))
+    values.append(trial.suggest_float("learning_rate", 1e-5, 1e-2, log=True))
+    if values[-2] == "sgd":
+        values.append(trial.suggest_float("momentum", 0.0, 0.9))
+    return values
 
 
-def loss(trial):
-    """A value that depends on all parameters."""
-    return sum(math.sin(len(name) + (value if isinstance(value, (int, float)) else len(value)))
-               for name, value in trial.params.items())
+def loss(values):
+    """A value that depends on all of them."""
+    return sum(math.sin(len(v) if isinstance(v, str) else v) for v in values)
 
 
 def summary(seconds):
@@ -53,24 +50,26 @@ def summary(seconds):
 
 def row(library, version, space, past):
     flat = space == "flat"
-    study = library.create_study(sampler=library.samplers.RandomSampler(seed=7))
+    source = library.create_study(sampler=library.samplers.RandomSampler(seed=7))
+    study = library.create_study(sampler=library.samplers.TPESampler(seed=1))
     for _ in range(past):
-        trial = study.ask()
-        suggest(trial, flat)
-        value = loss(trial)
-        for step in range(REPORTS):
+        trial = source.ask()
+        value = loss(suggest(trial, flat))
+        for step in range(REPORTS if hasattr(trial, "report") else 0):
             trial.report(value + 1.0 / (step + 1), step)
-        study.tell(trial, value)
-    study.sampler = library.samplers.TPESampler(seed=1)
+        source.tell(trial.number, value)
+    for trial in source.trials:
+        study.add_trial(trial)
     asks, tells, both, params = [], [], [], 0
     for _ in range(REPEATS + 1):
         begun = time.perf_counter()
         trial = study.ask()
-        params += suggest(trial, flat)
+        values = suggest(trial, flat)
         asked = time.perf_counter()
-        value = loss(trial)
+        params += len(values)
+        value = loss(values)
         telling = time.perf_counter()
-        study.tell(trial, value)
+        study.tell(trial.number, value)
         told = time.perf_counter()
         asks.append(asked - begun)
         tells.append(told - telling)
