@@ -37,15 +37,16 @@ pub trait Draws {
 #[derive(Debug)]
 pub struct KeyedDraws {
     seed: u64,
-    key: [u64; 2],
+    key: Vec<u64>,
     open: rng::Stream,
 }
 
 impl KeyedDraws {
     /// The draws of the `redraw`-th proposal, from 0, for trial `trial` of the study with `seed`.
     pub fn new(seed: u64, trial: u32, redraw: u32) -> Self {
-        let key = [trial.into(), redraw.into()];
-        KeyedDraws { seed, key, open: rng::stream(seed, "search", &key, "") }
+        let key: Vec<u64> = std::iter::once(trial).chain((redraw > 0).then_some(redraw)).map(u64::from).collect();
+        let open = rng::stream(seed, "search", &key, "");
+        KeyedDraws { seed, key, open }
     }
 }
 

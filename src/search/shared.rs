@@ -8,7 +8,7 @@
 
 use std::path::Path;
 
-use super::storage::{Exclusive, FIXED_PARAMS, SqliteStorage, Storage, StorageError, StoredTrial, attribute};
+use super::storage::{FIXED_PARAMS, SqliteStorage, Storage, StorageError, StoredTrial, attribute};
 use super::study::{Domain, Fixed, Rules, StudyError};
 use super::{Outcome, Study, Ticket, Trial, TrialState};
 use crate::error::{Class, Classify};
@@ -80,14 +80,14 @@ impl SharedStudy {
         if known.is_none_or(|s| s.directions != directions) {
             return Err(SharedError::Objectives { name: name.to_owned() });
         }
+        // Nothing is written to a database that is refused.
+        let mut study = Study::new(domain, rules);
+        refresh(&mut study, storage.load(name)?.trials)?;
         storage.prepare_claims()?;
         let mut folder = path.as_os_str().to_owned();
         folder.push(".workers");
         let presence = Presence::show(Path::new(&folder))?;
-        let mut shared = SharedStudy { study: Study::new(domain, rules), storage, name: name.to_owned(), presence };
-        let study = &mut shared.study;
-        shared.storage.exclusive(name, |exclusive| refresh(study, exclusive))?;
-        Ok(shared)
+        Ok(SharedStudy { study, storage, name: name.to_owned(), presence })
     }
 
     /// Takes the trial to begin next.
@@ -98,7 +98,7 @@ impl SharedStudy {
         let (study, presence) = (&mut self.study, &self.presence);
         let mut begun = None;
         let next = self.storage.exclusive(&self.name, |exclusive| {
-            refresh(study, exclusive)?;
+            refresh(study, exclusive.trials_from(study.settled())?)?;
             for number in study.candidates() {
                 let Some(ticket) = study.begin(number) else { continue };
                 begun = Some(number);
@@ -180,8 +180,8 @@ impl SharedStudy {
 }
 
 /// Takes in what other workers have done.
-fn refresh(study: &mut Study, exclusive: &Exclusive<'_>) -> Result<(), SharedError> {
-    for trial in exclusive.trials_from(study.settled())? {
+fn refresh(study: &mut Study, trials: Vec<StoredTrial>) -> Result<(), SharedError> {
+    for trial in trials {
         match trial.state {
             TrialState::Waiting => study.fix(trial.number, fixed(&trial)),
             _ => study.take_in(trial.to_record())?,

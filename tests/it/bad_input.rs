@@ -2,7 +2,10 @@
 
 use std::path::Path;
 
-use crate::support::{fail_with, panotune, root};
+use panotune::search::storage::{SqliteStorage, StoredStudy, StoredTrial};
+use panotune::search::{Direction, Distribution, Param, TrialState};
+
+use crate::support::{fail_with, panotune, root, succeed, tiny};
 
 fn check(results: &Path, name: &str, bytes: &[u8]) -> String {
     let folder = results.join("files");
@@ -65,4 +68,41 @@ fn bad_weights_are_explained() {
     assert!(said.contains("cut.safetensors"), "{said}");
     assert!(!out.join(".cache/weights").join("inception_v3.safetensors").exists());
     assert!(root().join("configs/weights/inception_v3.yaml").is_file());
+}
+
+/// A run that lacks nothing but its end, and its database.
+fn nearly_finished(results: &Path) -> std::path::PathBuf {
+    let run = tiny(results, &[]);
+    std::fs::remove_file(run.join("SHA256SUMS")).unwrap();
+    run.join("study.db")
+}
+
+#[test]
+fn a_run_whose_database_is_damaged_or_another_s_is_refused_and_the_database_left_alone() {
+    let results = tempfile::tempdir().unwrap();
+    let database = nearly_finished(results.path());
+    let whole = std::fs::read(&database).unwrap();
+    let again = || {
+        let before = std::fs::read(&database).unwrap();
+        let mut command = panotune(results.path());
+        let said = fail_with(2, command.args(["run", "experiments/optuna_inception.yaml", "--profile", "tiny"]));
+        assert_eq!(std::fs::read(&database).unwrap(), before, "{said}");
+        assert!(said.contains("hint") || said.contains("study.db"), "{said}");
+        said
+    };
+    std::fs::write(&database, b"no database").unwrap();
+    assert!(again().contains("holds no study"));
+    std::fs::write(&database, [&whole[..4096], &[7; 8192], &whole[12288..]].concat()).unwrap();
+    assert!(again().contains("is damaged"));
+    std::fs::remove_file(&database).unwrap();
+    let mut foreign = StoredStudy::new("optuna_inception", &[Direction::Minimize]);
+    let x = Distribution::float(0.0, 1.0, false, None).unwrap();
+    let params = vec![Param { name: "n_layers_hidden".into(), distribution: x, internal: 0.5 }];
+    let values = Some(vec![1.0]);
+    foreign.trials.push(StoredTrial { params, values, ..StoredTrial::new(0, TrialState::Complete) });
+    SqliteStorage::new_with(&database, &[foreign]).unwrap();
+    assert!(again().contains("`n_layers_hidden` is float 0 to 1, and int"));
+    std::fs::write(&database, &whole).unwrap();
+    let mut command = panotune(results.path());
+    succeed(command.args(["run", "experiments/optuna_inception.yaml", "--profile", "tiny"]));
 }

@@ -38,5 +38,5 @@ pub use names::choose;
 pub use place::{load, open, open_read_only};
 pub use record::{Attributes, FIXED_PARAMS, REASON, StoredStudy, StoredTrial, attribute};
 pub use show::{TrialFormat, studies_json, studies_table, study_json, study_text, trials_text};
-pub use sqlite::{Exclusive, SqliteStorage};
+pub use sqlite::SqliteStorage;
 pub use transfer::{export, import};

@@ -10,7 +10,7 @@ use super::super::record::{REASON, StoredTrial};
 use super::{Fault, SqliteStorage, read, schema, write};
 
 /// A study of which no other process changes anything meanwhile.
-pub struct Exclusive<'c> {
+pub(in crate::search) struct Exclusive<'c> {
     connection: &'c Connection,
     study: i64,
     storage: &'c SqliteStorage,

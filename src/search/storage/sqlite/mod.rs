@@ -11,7 +11,6 @@ mod schema;
 mod tests;
 mod write;
 
-pub use exclusive::Exclusive;
 pub use open::MAGIC;
 
 use std::path::{Path, PathBuf};
