@@ -433,7 +433,7 @@ pub(super) fn smallest_deviation(observations: usize, width: f64, options: &Parz
 
 /// For each of `means` the distance to the farther neighbour, in their order. Equal means keep their
 /// order when sorted, so the result does not depend on the machine.
-pub(super) fn neighbour_distances(means: &[f64], low: f64, high: f64, endpoints: bool) -> Vec<f64> {
+fn neighbour_distances(means: &[f64], low: f64, high: f64, endpoints: bool) -> Vec<f64> {
     let mut order: Vec<usize> = (0..means.len()).collect();
     order.sort_by(|i, j| means[*i].total_cmp(&means[*j]));
     let sorted: Vec<f64> = order.iter().map(|i| means[*i]).collect();

@@ -24,7 +24,7 @@
 use super::history::Column;
 use super::normal;
 use super::normals::Normals;
-use super::parzen::{age_weight, neighbour_distances};
+use super::parzen::{age_weight, sorted_distances};
 use super::random;
 use super::{Distribution, Draws, History, Proposal, Range, Sampler, Trial, Uniform};
 
@@ -54,6 +54,8 @@ const BRANCHING: f64 = 0.5;
 const FEW: f64 = 16.0;
 /// Candidates for a number.
 const CANDIDATES: usize = 4;
+/// Points whose densities are summed at once.
+const VECTOR: usize = 8;
 /// Candidates for a choice.
 const CHOICE_CANDIDATES: usize = 5;
 
@@ -360,9 +362,11 @@ fn number(
     let good = scale.kernels(sides, &sides.good, &good_widths, &sides.good_weights(agreement));
     let bad = scale.kernels(sides, recent, &bad_widths, &sides.bad_weights(recent, agreement));
     let candidates = given.map_or_else(|| scale.draw(&good, random), |x| [x; CANDIDATES]);
-    let places: Vec<f64> = candidates.iter().map(|x| scale.unit(range.to_scale(*x))).collect();
+    // Filled up to a whole vector; what is in excess is not looked at.
+    let mut places = [0.0; VECTOR];
+    places.iter_mut().zip(&candidates).for_each(|(place, x)| *place = scale.unit(range.to_scale(*x)));
     let score = |kernels: &Kernels| {
-        let mut sums = [0.0; CANDIDATES];
+        let mut sums = [0.0; VECTOR];
         normal::add_bells(&places, &kernels.normals.means, &kernels.normals.inverses, &kernels.factors, &mut sums);
         sums.map(|s| libm::log(s.max(f64::MIN_POSITIVE)))
     };
@@ -439,10 +443,19 @@ impl<'a> UnitScale<'a> {
 
     /// The distance to the farther neighbour.
     fn bad_widths(&self, sides: &Sides, recent: &[u32]) -> Vec<f64> {
-        let means = self.means(sides, recent);
+        let mut places = vec![u32::MAX; sides.column.positions.len()];
+        (0..).zip(recent).for_each(|(place, i)| places[*i as usize] = place);
+        let by_value = sides.column.order.iter().zip(&sides.column.sorted);
+        let ordered =
+            by_value.map(|(i, z)| (places[*i as usize], self.unit(*z))).filter(|(place, _)| *place != u32::MAX);
+        let (order, means): (Vec<u32>, Vec<f64>) = ordered.unzip();
         let least = self.least_bad_width(recent.len());
-        let widths = neighbour_distances(&means, 0.0, 1.0, false);
-        widths.iter().zip(recent).map(|(w, i)| self.bounded(sides, *i, w.max(least))).collect()
+        let mut widths = vec![0.0; recent.len()];
+        for (place, distance) in order.iter().zip(sorted_distances(&means, 0.0, 1.0, false)) {
+            let place = *place as usize;
+            widths[place] = self.bounded(sides, recent[place], distance.max(least));
+        }
+        widths
     }
 
     fn kernels(&self, sides: &Sides, trials: &[u32], widths: &[f64], weights: &[f64]) -> Kernels {
