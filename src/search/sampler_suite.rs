@@ -12,7 +12,8 @@ use super::*;
 use crate::config::spec::{SamplerKind, SamplerSpec, SpaceSpec};
 use crate::rng;
 
-const KINDS: [SamplerKind; 7] = [
+const KINDS: [SamplerKind; 8] = [
+    SamplerKind::Sequential,
     SamplerKind::Tpe,
     SamplerKind::Random,
     SamplerKind::Grid,
@@ -279,7 +280,9 @@ fn median_best(sampler: impl Fn() -> Box<dyn Sampler>) -> f64 {
 #[test]
 fn samplers_that_learn_beat_random_draws() {
     let random = median_best(|| Box::new(RandomSampler));
-    for kind in [SamplerKind::Tpe, SamplerKind::Evolutionary, SamplerKind::Nsga2, SamplerKind::CmaEs] {
+    for kind in
+        [SamplerKind::Sequential, SamplerKind::Tpe, SamplerKind::Evolutionary, SamplerKind::Nsga2, SamplerKind::CmaEs]
+    {
         let learnt = median_best(|| sampler::from_spec(&SamplerSpec { population: None, ..spec(kind) }, &space()));
         assert!(learnt < random, "{kind:?}: {learnt}, random {random}");
     }

@@ -20,13 +20,15 @@
 //!   these change a parameter on which the existence of others depends, and keep what came before it; so a
 //!   branch that looked bad once is tried again with good values of everything else. (Coordinate search
 //!   within an ε-greedy policy.)
+//!
+//! With several objectives it is the estimator of Optuna 5.0.
 
 use super::history::Column;
 use super::normal;
 use super::normals::Normals;
 use super::parzen::{age_weight, sorted_distances};
 use super::random;
-use super::{Distribution, Draws, History, Proposal, Range, Sampler, Trial, Uniform};
+use super::{Distribution, Draws, History, Proposal, Range, Sampler, Tpe, TpeOptions, Trial, Uniform};
 
 /// Finished trials before the model is used.
 const STARTUP: usize = 8;
@@ -154,6 +156,10 @@ impl Sampler for Sequential {
         distribution: &Distribution,
         draws: &mut dyn Draws,
     ) -> f64 {
+        if history.directions().len() > 1 {
+            let several = Tpe::new(TpeOptions::optuna_5_0_several());
+            return several.suggest(history, proposal, name, distribution, draws);
+        }
         if history.finished() < STARTUP {
             return stratified(proposal.number as usize, name, distribution, draws);
         }
@@ -402,8 +408,9 @@ impl<'a> UnitScale<'a> {
         UnitScale { range, low, width: high - low }
     }
 
+    /// Where `z`, or the end of the range that is nearest to it, is.
     fn unit(&self, z: f64) -> f64 {
-        (z - self.low) / self.width
+        ((z - self.low) / self.width).clamp(0.0, 1.0)
     }
 
     fn means(&self, sides: &Sides, trials: &[u32]) -> Vec<f64> {
@@ -557,3 +564,6 @@ fn best_choice(likely: &[f64], unlikely: &[f64], taken: &[f64], random: &mut dyn
     // Equal scores differ in the last bits, by the order of sums: the first drawn wins.
     drawn.reduce(|b, c| if score(c) > score(b) * (1.0 + 1e-12) { c } else { b }).unwrap_or(0)
 }
+
+#[cfg(test)]
+mod tests;
