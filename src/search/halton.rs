@@ -39,20 +39,11 @@ fn radical_inverse(mut index: u64, base: u64, random: &mut dyn Uniform) -> f64 {
     let (mut sum, mut unit) = (0.0, 1.0);
     while unit > f64::EPSILON {
         unit /= base as f64;
-        let digit = permuted((index % base) as usize, base as usize, random);
+        let digit = random::permuted((index % base) as usize, base as usize, random);
         sum += digit as f64 * unit;
         index /= base;
     }
     sum.min(1.0f64.next_down())
-}
-
-/// Where a random permutation of 0, …, `n` − 1 takes `digit` (Fisher and Yates).
-fn permuted(digit: usize, n: usize, random: &mut dyn Uniform) -> usize {
-    let mut items: Vec<usize> = (0..n).collect();
-    for i in (1..n).rev() {
-        items.swap(i, random::below(i + 1, random));
-    }
-    items[digit]
 }
 
 /// The prime number with `count` smaller ones.

@@ -68,6 +68,15 @@ pub(super) fn below(n: usize, random: &mut dyn Uniform) -> usize {
     ((random.uniform() * n as f64) as usize).min(n.saturating_sub(1))
 }
 
+/// Where a random permutation of 0, …, `n` − 1 takes `digit` (Fisher and Yates).
+pub(super) fn permuted(digit: usize, n: usize, random: &mut dyn Uniform) -> usize {
+    let mut items: Vec<usize> = (0..n).collect();
+    for i in (1..n).rev() {
+        items.swap(i, below(i + 1, random));
+    }
+    items[digit]
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::sampler::KeyedDraws;

@@ -260,26 +260,8 @@ fn changed_value(
 /// A draw of a Latin hypercube: within a block of [`STARTUP`] trials every parameter visits every stratum.
 fn stratified(number: usize, name: &str, distribution: &Distribution, draws: &mut dyn Draws) -> f64 {
     let (block, place) = (number / STARTUP, number % STARTUP);
-    let shared = draws.shared(block as u64, name);
-    let mut strata: Vec<usize> = (0..STARTUP).collect();
-    for i in (1..STARTUP).rev() {
-        strata.swap(i, (shared.uniform() * (i + 1) as f64) as usize);
-    }
-    at_share(distribution, (strata[place] as f64 + draws.startup(name).uniform()) / STARTUP as f64)
-}
-
-/// The value at `share`, in [0, 1), of a distribution.
-fn at_share(distribution: &Distribution, share: f64) -> f64 {
-    match (distribution.range(), distribution.choices()) {
-        (Some(range), _) => {
-            let (low, high) = range.scale();
-            range.at_scale(low + share * (high - low)).clamp(range.low, range.high)
-        }
-        (None, choices) => {
-            let choices = choices.unwrap_or(1) as f64;
-            (share * choices).floor().min(choices - 1.0)
-        }
-    }
+    let stratum = random::permuted(place, STARTUP, draws.shared(block as u64, name));
+    random::at_share(distribution, (stratum as f64 + draws.startup(name).uniform()) / STARTUP as f64)
 }
 
 /// The trials that have a parameter, as indices into its column.
