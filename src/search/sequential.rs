@@ -165,7 +165,6 @@ impl Sampler for Sequential {
         }
         let proposed = proposal.params.len();
         let mut agreement = proposal.agreement.take().unwrap_or_else(|| Agreement::new(history, draws));
-        // Parameters that were not asked of a sampler, such as those with one value, count for sameness too.
         let value = match history.column(name) {
             Some(column) if column.best.len() >= LEAST_SEEN && column.distribution.compatible(distribution) => {
                 let taken = agreement.taken(history, proposed, name);
