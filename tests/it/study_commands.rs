@@ -135,14 +135,14 @@ fn bad_requests_are_explained_and_alter_nothing() {
 fn plots_are_drawn_and_what_cannot_be_drawn_is_named() {
     let (folder, database, _) = copies();
     let out = folder.path().join("plots");
-    let said = study(&["plot", text(&database), "--study", "alpha", "--out", text(&out)]);
+    let said = study(&["plot", text(&database), "--study", "alpha-11", "--out", text(&out)]);
     let drawn: Vec<&str> = said.lines().collect();
     assert!(drawn.len() >= 14 && drawn.iter().all(|p| Path::new(p).metadata().unwrap().len() > 500), "{said}");
-    let said = study(&["plot", text(&database), "pareto-front", "--study", "beta", "--out", text(&out)]);
+    let said = study(&["plot", text(&database), "pareto-front", "--study", "beta-11", "--out", text(&out)]);
     assert!(said.contains("pareto-front.svg"));
-    let said = refused(&["plot", text(&database), "pareto-front", "--study", "alpha", "--out", text(&out)]);
+    let said = refused(&["plot", text(&database), "pareto-front", "--study", "alpha-11", "--out", text(&out)]);
     assert!(said.contains("objective"), "{said}");
-    let said = refused(&["plot", text(&database), "slice", "--study", "alpha", "--param", "nothing"]);
+    let said = refused(&["plot", text(&database), "slice", "--study", "alpha-11", "--param", "nothing"]);
     assert!(said.contains("nothing"), "{said}");
     assert!(refused(&["plot", text(&database), "pie"]).contains("parallel-coordinates"));
 }
