@@ -125,10 +125,7 @@ impl Sampler for CmaSampler {
         distribution: &Distribution,
         draws: &mut dyn Draws,
     ) -> f64 {
-        if proposal.joint.is_none() {
-            proposal.joint = Some(self.propose(history, draws));
-        }
-        match proposal.joint(name, distribution) {
+        match proposal.joint(name, distribution, || self.propose(history, draws)) {
             Some(x) => x,
             None => self.others.suggest(history, proposal, name, distribution, draws),
         }

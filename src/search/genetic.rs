@@ -120,10 +120,7 @@ impl Sampler for GeneticSampler {
         distribution: &Distribution,
         draws: &mut dyn Draws,
     ) -> f64 {
-        if proposal.joint.is_none() {
-            proposal.joint = Some(self.child(history, draws));
-        }
-        let inherited = proposal.joint(name, distribution);
+        let inherited = proposal.joint(name, distribution, || self.child(history, draws));
         inherited.unwrap_or_else(|| random::uniform(distribution, draws.startup(name)))
     }
 }

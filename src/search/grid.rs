@@ -95,11 +95,10 @@ impl Sampler for GridSampler {
         distribution: &Distribution,
         draws: &mut dyn Draws,
     ) -> f64 {
-        if proposal.joint.is_none() {
-            proposal.joint = Some(self.combination(proposal.number, draws));
-        }
+        let number = proposal.number;
+        let combined = proposal.joint(name, distribution, || self.combination(number, draws));
         // A parameter that exists only because of another one's fixed value is not in the combination.
-        proposal.joint(name, distribution).unwrap_or_else(|| {
+        combined.unwrap_or_else(|| {
             let n = size(distribution, self.points);
             point(distribution, self.points, random::below(n, draws.model(name)))
         })

@@ -117,9 +117,15 @@ impl Proposal {
 }
 
 impl Proposal {
-    /// The value of `name` proposed jointly, if `distribution` allows it.
-    pub(super) fn joint(&self, name: &str, distribution: &Distribution) -> Option<f64> {
-        let param = self.joint.iter().flatten().find(|p| p.name == name)?;
+    /// The value of `name` proposed jointly with others, if `distribution` allows it; `propose` makes these
+    /// values the first time.
+    pub(super) fn joint(
+        &mut self,
+        name: &str,
+        distribution: &Distribution,
+        propose: impl FnOnce() -> Vec<Param>,
+    ) -> Option<f64> {
+        let param = self.joint.get_or_insert_with(propose).iter().find(|p| p.name == name)?;
         let fits = param.distribution.compatible(distribution) && distribution.contains(param.internal);
         fits.then_some(param.internal)
     }

@@ -28,6 +28,7 @@ use super::normal;
 use super::normals::Normals;
 use super::parzen::{age_weight, sorted_distances};
 use super::random;
+use super::ranking::{self, Constraints};
 use super::{Distribution, Draws, History, Proposal, Range, Sampler, Tpe, TpeOptions, Trial, Uniform};
 
 /// Finished trials before the model is used.
@@ -192,7 +193,7 @@ fn detour(history: &History, random: &mut dyn Uniform) -> Option<Detour> {
     if random.uniform() >= DETOURS {
         return None;
     }
-    let best = history.ranking().positions().next()? as usize;
+    let best = *ranking::best(history, 1, Constraints::MissingIsFeasible).first()? as usize;
     let few = |d: &Distribution| d.choices().map_or_else(|| d.range().is_some_and(few_steps), |n| n > 1);
     let params = history.trials()[best].params.iter().filter(|p| few(&p.distribution));
     let names: Vec<&str> = params.map(|p| p.name.as_str()).collect();

@@ -231,17 +231,14 @@ impl Tpe {
         choose: Choose,
     ) -> f64 {
         let starting = history.finished() < self.options.startup_trials;
-        if self.options.multivariate && proposal.joint.is_none() {
-            let spaces = if starting { Vec::new() } else { self.joint_spaces(history) };
-            let joint = spaces.iter().flat_map(|space| self.propose(history, space, draws, choose)).collect();
-            proposal.joint = Some(joint);
-        }
-        let joint = proposal.joint.iter().flatten().find(|p| p.name == name);
-        if let Some(p) = joint
-            && p.distribution.compatible(distribution)
-            && distribution.contains(p.internal)
-        {
-            return p.internal;
+        if self.options.multivariate {
+            let joint = proposal.joint(name, distribution, || {
+                let spaces = if starting { Vec::new() } else { self.joint_spaces(history) };
+                spaces.iter().flat_map(|space| self.propose(history, space, draws, choose)).collect()
+            });
+            if let Some(value) = joint {
+                return value;
+            }
         }
         if starting {
             return random::uniform(distribution, draws.startup(name));

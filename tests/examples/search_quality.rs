@@ -15,6 +15,7 @@ use clap::{Parser, ValueEnum};
 use objectives::{Objective, all};
 use panotune::search::pruner::Never;
 use panotune::search::{Direction, Duplicates, Outcome, RandomSampler, Rules, Sampler, Study, Tpe, TpeOptions};
+use panotune::statistics::{mean, quantile};
 use panotune::store;
 use rayon::prelude::*;
 use serde_json::{Map, Value, json};
@@ -96,23 +97,15 @@ fn study(objective: &Objective, sampler: SamplerName, seed: u64) -> [f64; 4] {
     CHECKPOINTS.map(|n| best[n - 1])
 }
 
-/// Linear interpolation between order statistics.
-fn quantile(sorted: &[f64], q: f64) -> f64 {
-    let at = q * (sorted.len() - 1) as f64;
-    let (i, share) = (at.floor() as usize, at.fract());
-    sorted[i] + share * (sorted[(i + 1).min(sorted.len() - 1)] - sorted[i])
-}
-
 fn summary(values: &[[f64; 4]], seconds: f64) -> Value {
     let mut all = Map::new();
     all.insert("n_seeds".into(), json!(values.len()));
     all.insert("wall_s".into(), json!(seconds));
     for (i, checkpoint) in CHECKPOINTS.iter().enumerate() {
-        let mut sorted: Vec<f64> = values.iter().map(|v| v[i]).collect();
-        sorted.sort_by(f64::total_cmp);
+        let best: Vec<f64> = values.iter().map(|v| v[i]).collect();
         let mut entry: Map<String, Value> =
-            QUANTILES.iter().map(|(name, q)| ((*name).to_owned(), json!(quantile(&sorted, *q)))).collect();
-        entry.insert("mean".into(), json!(sorted.iter().sum::<f64>() / sorted.len() as f64));
+            QUANTILES.iter().map(|(name, q)| ((*name).to_owned(), json!(quantile(&best, *q)))).collect();
+        entry.insert("mean".into(), json!(mean(&best)));
         all.insert(format!("best@{checkpoint}"), entry.into());
     }
     all.into()

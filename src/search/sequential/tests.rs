@@ -111,6 +111,18 @@ fn a_branch_that_looked_bad_once_is_tried_again() {
 }
 
 #[test]
+fn detours_start_from_the_best_feasible_trial() {
+    let trials = (0..20).map(|k| {
+        let constraints = Some(vec![if k < 5 { 1.0 } else { -1.0 }]);
+        Trial { constraints, ..trial(k, f64::from(k), &[("c", list(3), f64::from(k % 3))]) }
+    });
+    let history = History::of(&[Direction::Minimize], trials);
+    let starts = (20..120).filter_map(|k| detour(&history, KeyedDraws::new(1, k, 0).model("detour")));
+    let starts: Vec<usize> = starts.map(|d| d.best).collect();
+    assert!(starts.len() > 5 && starts.iter().all(|best| *best == 5), "{starts:?}");
+}
+
+#[test]
 fn structure_is_seen_in_past_trials() {
     let trials = (0..8).map(|k| {
         let deep = k % 2 == 0;
