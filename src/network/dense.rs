@@ -27,13 +27,15 @@ pub(crate) fn read<R>(tensor: &Tensor, use_values: impl FnOnce(&[f32]) -> R) -> 
 /// Where a layer's backward pass leaves the gradients of its parameters.
 ///
 /// candle's own store would clear, add and allocate each of them at every step, and share one thread
-/// pool among all trials to do it; these two buffers are written once a step and kept.
+/// pool among all trials to do it; these two buffers are kept from step to step.
 #[derive(Debug, Default)]
 pub(crate) struct Gradient {
     /// By weights, `[inputs × units]`.
     pub weight: Vec<f32>,
     /// By biases, `[units]`.
     pub bias: Vec<f32>,
+    /// Whether the next backward pass adds to what is there, and does not replace it.
+    pub add: bool,
 }
 
 /// activation(x·w + b) with x `[n × inputs]`, w `[inputs × units]`, b `[units]`.
@@ -109,9 +111,13 @@ impl CustomOp3 for Dense {
         let dz_rows = Mat::rows(&dz, units);
         {
             let mut gradient = self.gradient.lock().unwrap_or_else(PoisonError::into_inner);
-            sum_rows(&dz, units, &mut gradient.bias);
-            gradient.weight.resize(inputs * units, 0.0);
-            read(x, |x| matmul(inputs, units, n, Mat::rows(x, inputs).t(), dz_rows, &mut gradient.weight, false))?;
+            let Gradient { weight, bias, add } = &mut *gradient;
+            if !*add {
+                bias.clear();
+            }
+            add_rows(&dz, units, bias);
+            weight.resize(inputs * units, 0.0);
+            read(x, |x| matmul(inputs, units, n, Mat::rows(x, inputs).t(), dz_rows, weight, *add))?;
         }
         if !x.track_op() {
             return Ok((None, None, None));
@@ -122,8 +128,7 @@ impl CustomOp3 for Dense {
     }
 }
 
-fn sum_rows(rows: &[f32], width: usize, sums: &mut Vec<f32>) {
-    sums.clear();
+fn add_rows(rows: &[f32], width: usize, sums: &mut Vec<f32>) {
     sums.resize(width, 0.0);
     for row in rows.chunks_exact(width) {
         sums.iter_mut().zip(row).for_each(|(s, x)| *s += x);

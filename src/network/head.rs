@@ -122,6 +122,11 @@ impl Head {
         &self.layers
     }
 
+    /// Whether the next backward pass adds to the gradients of the one before.
+    pub(crate) fn add_gradients(&self, add: bool) {
+        self.layers.iter().for_each(|layer| layer.gradient().add = add);
+    }
+
     /// All parameters one after the other: layer by layer, weights before biases.
     pub fn parameters(&self) -> Result<Vec<f32>, Error> {
         let mut all = Vec::with_capacity(self.parameter_count());
@@ -232,7 +237,7 @@ mod tests {
 
     fn loss(head: &Head, x: &Tensor, targets: &[f32]) -> Tensor {
         let y = head.forward(x, &mut third).unwrap();
-        y.apply_op1(LossOp { loss: Loss::LogCosh, targets: targets.to_vec() }).unwrap()
+        y.apply_op1(LossOp { loss: Loss::LogCosh, targets: targets.to_vec(), share: 1.0 }).unwrap()
     }
 
     /// The same network and loss in f64, written out without tensors.

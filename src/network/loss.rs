@@ -41,10 +41,14 @@ pub fn mean_loss(loss: Loss, outputs: &[f32], targets: &[f32]) -> f64 {
 
 /// Mean loss of `outputs` against `targets`, and its gradient by `outputs`.
 pub fn loss_and_gradient(loss: Loss, outputs: &[f32], targets: &[f32]) -> (f64, Vec<f32>) {
+    (mean_loss(loss, outputs, targets), scaled_gradient(loss, outputs, targets, 1.0))
+}
+
+/// `share` times the gradient of the mean loss by `outputs`.
+fn scaled_gradient(loss: Loss, outputs: &[f32], targets: &[f32], share: f64) -> Vec<f32> {
     let n = outputs.len() as f64;
-    let gradient =
-        outputs.iter().zip(targets).map(|(o, t)| (slope(loss, f64::from(*o) - f64::from(*t)) / n) as f32).collect();
-    (mean_loss(loss, outputs, targets), gradient)
+    let slopes = outputs.iter().zip(targets).map(|(o, t)| slope(loss, f64::from(*o) - f64::from(*t)));
+    slopes.map(|slope| (slope / n * share) as f32).collect()
 }
 
 /// The loss as the last operation of a network: `[n × 2]` outputs to one number of type f64.
@@ -53,6 +57,8 @@ pub(crate) struct LossOp {
     pub loss: Loss,
     /// Coded labels, `[n × 2]`.
     pub targets: Vec<f32>,
+    /// What the gradient is multiplied by.
+    pub share: f64,
 }
 
 impl CustomOp1 for LossOp {
@@ -67,7 +73,7 @@ impl CustomOp1 for LossOp {
 
     /// The loss is where the chain rule begins, so the gradient that comes in is 1.
     fn bwd(&self, outputs: &Tensor, _: &Tensor, _: &Tensor) -> Result<Option<Tensor>> {
-        let gradient = read(outputs, |o| loss_and_gradient(self.loss, o, &self.targets).1)?;
+        let gradient = read(outputs, |o| scaled_gradient(self.loss, o, &self.targets, self.share))?;
         Tensor::from_vec(gradient, outputs.shape(), outputs.device()).map(Some)
     }
 }

@@ -1,18 +1,22 @@
 //! The whole state of a training in one file, from which it goes on to the same bits.
 //!
-//! Layout: length of the header (u64), header (JSON), values (f32: parameters, best parameters, the
-//! optimiser's two moments), and the SHA-256 of all that in hexadecimal. Numbers are little-endian.
+//! Layout: length of the header (u64), header (JSON), values (f32), and the SHA-256 of all that in
+//! hexadecimal. Numbers are little-endian.
 
+use std::borrow::Cow;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
 use super::EpochRecord;
-use crate::store::{self, Hash, hash_bytes};
+use crate::store::{self, AtomicFile, Hash, Hasher, hash_bytes};
 
-const FORMAT: u32 = 1;
+const FORMAT: u32 = 2;
 const HASH_LEN: usize = 64;
 const LENGTH_LEN: usize = 8;
+/// Values that are turned into bytes at a time.
+const PIECE: usize = 1 << 16;
 
 /// Where a training stands.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
@@ -25,18 +29,24 @@ pub(super) struct Position {
     pub loss_sum: f64,
 }
 
-/// Everything that a training changes.
+/// Everything that a training changes. Values are borrowed when they are written, since they may fill much of the memory.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Snapshot {
+pub(super) struct Snapshot<'a> {
     pub position: Position,
-    pub curve: Vec<EpochRecord>,
+    pub curve: Cow<'a, [EpochRecord]>,
     /// Steps that the optimiser has taken.
     pub steps: u64,
-    pub parameters: Vec<f32>,
+    pub parameters: Cow<'a, [f32]>,
+    /// What the engine changes beside the parameters.
+    pub state: Cow<'a, [f32]>,
     /// Parameters of the best epoch; empty before the first is done.
-    pub best: Vec<f32>,
-    pub first: Vec<f32>,
-    pub second: Vec<f32>,
+    pub best: Cow<'a, [f32]>,
+    /// The engine's state at that epoch.
+    pub best_state: Cow<'a, [f32]>,
+    /// The optimiser's first moment.
+    pub first: Cow<'a, [f32]>,
+    /// Its second.
+    pub second: Cow<'a, [f32]>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -47,36 +57,68 @@ struct Header {
     position: Position,
     curve: Vec<EpochRecord>,
     steps: u64,
-    lengths: [usize; 4],
+    lengths: [usize; 6],
 }
 
 fn path(folder: &Path) -> PathBuf {
     folder.join("state.bin")
 }
 
-impl Snapshot {
+/// A file whose last bytes are the hash of those before.
+struct Hashed {
+    file: AtomicFile,
+    hasher: Hasher,
+}
+
+impl Hashed {
+    fn put(&mut self, bytes: &[u8]) -> std::io::Result<()> {
+        self.hasher.update(bytes);
+        self.file.write_all(bytes)
+    }
+
+    fn put_values(&mut self, values: &[f32]) -> std::io::Result<()> {
+        let mut bytes = Vec::with_capacity(4 * PIECE.min(values.len()));
+        for piece in values.chunks(PIECE) {
+            bytes.clear();
+            bytes.extend(piece.iter().flat_map(|v| v.to_le_bytes()));
+            self.put(&bytes)?;
+        }
+        Ok(())
+    }
+}
+
+impl Snapshot<'_> {
     /// Writes the state of the training `job` into `folder`.
     pub fn save(&self, folder: &Path, job: &Hash) -> Result<(), store::Error> {
         let path = path(folder);
-        let parts = [&self.parameters, &self.best, &self.first, &self.second];
-        let header = Header {
+        let mut to = Hashed { file: AtomicFile::create(&path)?, hasher: Hasher::new() };
+        let header = serde_json::to_vec(&self.header(job))
+            .map_err(|source| store::Error::Serialise { path: path.clone(), source })?;
+        self.put(&header, &mut to).map_err(|e| store::Error::io("write", &path, e))?;
+        let Hashed { mut file, hasher } = to;
+        file.write_all(hasher.finish().as_str().as_bytes()).map_err(|e| store::Error::io("write", &path, e))?;
+        file.commit()
+    }
+
+    fn parts(&self) -> [&[f32]; 6] {
+        [&self.parameters, &self.state, &self.best, &self.best_state, &self.first, &self.second]
+    }
+
+    fn header(&self, job: &Hash) -> Header {
+        Header {
             format: FORMAT,
             job: job.clone(),
             position: self.position,
-            curve: self.curve.clone(),
+            curve: self.curve.to_vec(),
             steps: self.steps,
-            lengths: parts.map(Vec::len),
-        };
-        let header =
-            serde_json::to_vec(&header).map_err(|source| store::Error::Serialise { path: path.clone(), source })?;
-        let mut bytes = (header.len() as u64).to_le_bytes().to_vec();
-        bytes.extend(header);
-        for part in parts {
-            bytes.extend(part.iter().flat_map(|v| v.to_le_bytes()));
+            lengths: self.parts().map(<[f32]>::len),
         }
-        let hash = hash_bytes(&bytes);
-        bytes.extend(hash.as_str().as_bytes());
-        store::write(&path, &bytes)
+    }
+
+    fn put(&self, header: &[u8], to: &mut Hashed) -> std::io::Result<()> {
+        to.put(&(header.len() as u64).to_le_bytes())?;
+        to.put(header)?;
+        self.parts().into_iter().try_for_each(|part| to.put_values(part))
     }
 
     /// The state of the training `job` that was last saved in `folder`.
@@ -92,7 +134,7 @@ impl Snapshot {
     }
 }
 
-fn decode(bytes: &[u8], job: &Hash) -> Option<Snapshot> {
+fn decode(bytes: &[u8], job: &Hash) -> Option<Snapshot<'static>> {
     let (content, hash) = bytes.split_at_checked(bytes.len().checked_sub(HASH_LEN)?)?;
     if hash_bytes(content).as_str().as_bytes() != hash {
         return None;
@@ -108,13 +150,16 @@ fn decode(bytes: &[u8], job: &Hash) -> Option<Snapshot> {
         return None;
     }
     let mut values = values.iter().map(|b| f32::from_le_bytes(*b));
-    let [parameters, best, first, second] = header.lengths.map(|n| values.by_ref().take(n).collect());
+    let [parameters, state, best, best_state, first, second] =
+        header.lengths.map(|n| Cow::Owned(values.by_ref().take(n).collect()));
     Some(Snapshot {
         position: header.position,
-        curve: header.curve,
+        curve: Cow::Owned(header.curve),
         steps: header.steps,
         parameters,
+        state,
         best,
+        best_state,
         first,
         second,
     })
@@ -124,7 +169,7 @@ fn decode(bytes: &[u8], job: &Hash) -> Option<Snapshot> {
 mod tests {
     use super::*;
 
-    fn snapshot() -> Snapshot {
+    fn snapshot() -> Snapshot<'static> {
         let record = EpochRecord {
             epoch: 0,
             train_loss: 0.1 + 0.2,
@@ -135,12 +180,14 @@ mod tests {
         };
         Snapshot {
             position: Position { epoch: 1, step: 7, loss_sum: 0.1 + 0.7 },
-            curve: vec![record],
+            curve: vec![record].into(),
             steps: 27,
-            parameters: vec![1.0, -0.0, f32::MIN_POSITIVE / 4.0],
-            best: vec![0.1, 0.2, 0.3],
-            first: vec![1e-30, 2.0, 3.0],
-            second: vec![],
+            parameters: vec![1.0, -0.0, f32::MIN_POSITIVE / 4.0].into(),
+            state: vec![0.7].into(),
+            best: vec![0.1, 0.2, 0.3].into(),
+            best_state: vec![-0.7].into(),
+            first: vec![1e-30, 2.0, 3.0].into(),
+            second: vec![].into(),
         }
     }
 

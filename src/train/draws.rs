@@ -3,6 +3,7 @@
 //! Every draw is keyed by its place in the training, so a resumed one draws the same.
 
 use super::TrainingData;
+use super::engine::Place;
 use crate::rng::stream;
 
 /// Scope of all streams of a training.
@@ -21,10 +22,14 @@ pub(super) fn epoch_rows(data: &TrainingData, strength: f64, seed: u64, epoch: u
 /// A dropout mask for `n` activations of hidden layer `layer`: 0 with probability `share`, else 1/(1 − `share`).
 ///
 /// One word decides on two activations, so `share` is rounded to a multiple of 2⁻¹⁶ in the drawing.
-pub(super) fn dropout_mask(seed: u64, [epoch, step]: [u32; 2], layer: usize, n: usize, share: f64) -> Vec<f32> {
+pub(super) fn dropout_mask(seed: u64, place: Place, layer: usize, n: usize, share: f64) -> Vec<f32> {
     let threshold = ((1.0 - share) * 65_536.0).round() as u32;
     let factor = (1.0 / (1.0 - share)) as f32;
-    let mut words = stream(seed, SCOPE, &[u64::from(epoch), u64::from(step), layer as u64], "dropout");
+    let Place { epoch, step, part } = place;
+    let index = [u64::from(epoch), u64::from(step), layer as u64, u64::from(part)];
+    // the first part's index is the one of a whole batch
+    let index = if part == 0 { &index[..3] } else { &index[..] };
+    let mut words = stream(seed, SCOPE, index, "dropout");
     let mut mask = vec![0.0; n];
     for pair in mask.chunks_mut(2) {
         let word = words.word();
@@ -65,14 +70,17 @@ mod tests {
 
     #[test]
     fn a_mask_drops_its_share_and_keeps_the_mean() {
+        let place = |step, part| Place { epoch: 1, step, part };
         for share in [0.05, 0.5, 0.95] {
-            let mask = dropout_mask(3, [1, 2], 0, 200_001, share);
+            let mask = dropout_mask(3, place(2, 0), 0, 200_001, share);
             let dropped = mask.iter().filter(|m| **m == 0.0).count() as f64 / mask.len() as f64;
             let mean = mask.iter().map(|m| f64::from(*m)).sum::<f64>() / mask.len() as f64;
             assert!((dropped - share).abs() < 0.005, "{share}: {dropped}");
             assert!((mean - 1.0).abs() < 0.05, "{share}: {mean}");
         }
-        assert_ne!(dropout_mask(3, [1, 2], 0, 99, 0.5), dropout_mask(3, [1, 2], 1, 99, 0.5));
-        assert_ne!(dropout_mask(3, [1, 2], 0, 99, 0.5), dropout_mask(3, [1, 3], 0, 99, 0.5));
+        let first = dropout_mask(3, place(2, 0), 0, 99, 0.5);
+        assert_ne!(first, dropout_mask(3, place(2, 0), 1, 99, 0.5));
+        assert_ne!(first, dropout_mask(3, place(3, 0), 0, 99, 0.5));
+        assert_ne!(first, dropout_mask(3, place(2, 1), 0, 99, 0.5));
     }
 }

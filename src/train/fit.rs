@@ -1,47 +1,32 @@
-//! The training loop.
+//! The training loop, whatever is trained.
 
+use std::borrow::Cow;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use candle_core::{CpuStorage, DType, Device, InplaceOp1, Layout, Tensor, bail};
-
 use super::checkpoint::{Position, Snapshot};
+use super::engine::{Engine, Place, parameters, set_parameters};
 use super::optimizer::State;
-use super::{EpochRecord, Error, TrainingData, draws, early, objective};
-use crate::config::spec::{NetworkSpec, TrainSpec};
-use crate::network::{Coding, Head, LossOp, mean_loss};
+use super::{EpochRecord, Error, early, objective};
+use crate::config::spec::TrainSpec;
+use crate::network::mean_loss;
 use crate::pipeline::progress::Progress;
 use crate::store::{self, Hash, hash_json};
 
 /// Changes when a training of the same job would give other bits.
 const VERSION: u32 = 1;
-/// Time between two savings of the state.
+/// Least time between two savings of the state in the middle of an epoch.
 const SAVE_INTERVAL: Duration = Duration::from_secs(2);
+/// Least time between any two savings, as a multiple of what the last one took.
+const SAVE_SHARE: u32 = 20;
 
-/// One network to be trained.
+/// How an engine is trained, and where its state is kept.
 #[derive(Debug, Clone, Copy)]
-pub struct Job<'a> {
-    /// Layers and outputs.
-    pub network: &'a NetworkSpec,
-    /// How it is trained.
+pub(crate) struct Plan<'a> {
+    /// Epochs, batches, optimiser, early stopping.
     pub train: &'a TrainSpec,
-    /// What the outputs stand for.
-    pub coding: &'a Coding,
-    /// On what.
-    pub data: &'a TrainingData,
-    /// Seed of weights, order of rows, choice of copies and dropout.
-    pub seed: u64,
     /// Folder of this training's own in which its state is kept while it runs; the caller removes it afterwards.
     pub checkpoint: Option<&'a Path>,
-}
-
-impl Job<'_> {
-    /// Names the training: a saved state of another job is not resumed.
-    fn hash(&self) -> Result<Hash, Error> {
-        let key = (VERSION, self.network, self.train, self.coding, self.seed, self.data.fingerprint());
-        let path = || self.checkpoint.unwrap_or(Path::new("training")).to_owned();
-        Ok(hash_json(&key).map_err(|source| store::Error::Serialise { path: path(), source })?)
-    }
 }
 
 /// What becomes of a training after an epoch.
@@ -80,39 +65,41 @@ pub enum Stopped {
     Pruned,
 }
 
-/// A trained network.
-#[derive(Debug)]
-pub struct Fitted {
+/// A training that came to its end.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Trained {
     /// All epochs, in order.
     pub curve: Vec<EpochRecord>,
     /// Epoch with the lowest objective on validation, the earliest of equals.
     pub best_epoch: u32,
     /// Objective at that epoch.
     pub best_objective: f64,
-    /// Why training ended.
+    /// Why it ended.
     pub stopped: Stopped,
-    /// The network with the weights of that epoch.
-    pub head: Head,
 }
 
-/// Trains a network.
+/// Trains `engine`, which then holds the parameters and the state of the best epoch.
 ///
-/// Each epoch goes once through all plain rows and, with probability `augmentation_strength` each,
-/// changed copies. Patience counts on the validation *loss*; the weights kept are those of the epoch
-/// with the lowest validation *objective*, since that is the training's value in a search.
+/// Patience counts on the validation *loss*; the parameters kept are those of the epoch with the lowest
+/// validation *objective*, since that is the training's value in a search.
 ///
-/// A saved state of the same job in `job.checkpoint` is resumed; a damaged or foreign one is ignored,
+/// A saved state of the same job in `plan.checkpoint` is resumed; a damaged or foreign one is ignored,
 /// as beginning anew gives the same result.
 ///
 /// # Errors
 /// [`Error::Diverged`] if loss or parameters leave the finite numbers, [`Error::Interrupted`] after the
-/// state is saved, and those of network and disk.
-pub fn fit(job: &Job, observer: &mut dyn Observer, progress: &dyn Progress) -> Result<Fitted, Error> {
-    let mut run = Run::begin(job)?;
+/// state is saved, and those of engine and disk.
+pub(crate) fn fit_engine(
+    plan: &Plan,
+    engine: &mut dyn Engine,
+    observer: &mut dyn Observer,
+    progress: &dyn Progress,
+) -> Result<Trained, Error> {
+    let mut run = Run::begin(plan, engine)?;
     if !run.curve.is_empty() {
         observer.resumed(&run.curve);
     }
-    progress.begin("epochs", u64::from(job.train.epochs));
+    progress.begin("epochs", u64::from(plan.train.epochs));
     progress.advance(u64::from(run.position.epoch));
     let stopped = run.epochs(observer, progress);
     progress.end();
@@ -121,39 +108,32 @@ pub fn fit(job: &Job, observer: &mut dyn Observer, progress: &dyn Progress) -> R
 
 /// A training under way.
 struct Run<'a> {
-    job: &'a Job<'a>,
-    head: Head,
+    train: &'a TrainSpec,
+    engine: &'a mut dyn Engine,
     optimizer: State,
     position: Position,
     curve: Vec<EpochRecord>,
-    best: Vec<f32>,
-    /// Coded labels of all training rows.
-    targets: Vec<[f32; 2]>,
+    /// Parameters of the best epoch so far, and the engine's state then.
+    best: (Vec<f32>, Vec<f32>),
     /// Coded labels of all validation rows, `[n × 2]`.
     validation_targets: Vec<f32>,
-    /// The rows of a step, `[batch × dim]`, filled anew each time.
-    batch: Tensor,
     saver: Option<Saver<'a>>,
 }
 
 impl<'a> Run<'a> {
-    fn begin(job: &'a Job<'a>) -> Result<Self, Error> {
-        let data = job.data;
-        let head = Head::new(job.network, job.coding, data.standardisation().clone(), job.seed)?;
-        let optimizer = State::new(job.train, head.parameter_count());
-        let saver = job.checkpoint.map(|folder| Saver::new(folder, job)).transpose()?;
-        let rows = (job.train.batch_size as usize).min(data.train_rows());
-        let encode = |label: &(f64, f64)| job.coding.encode(label.0, label.1);
+    fn begin(plan: &Plan<'a>, engine: &'a mut dyn Engine) -> Result<Self, Error> {
+        let optimizer = State::new(plan.train, engine)?;
+        let saver = plan.checkpoint.map(|folder| Saver::new(folder, plan.train, engine)).transpose()?;
+        let coding = engine.coding();
+        let targets = engine.validation_labels().iter().flat_map(|label| coding.encode(label.0, label.1));
         let mut run = Self {
-            job,
-            head,
+            train: plan.train,
+            validation_targets: targets.collect(),
+            engine,
             optimizer,
             position: Position::default(),
             curve: Vec::new(),
-            best: Vec::new(),
-            targets: data.train_labels().iter().map(encode).collect(),
-            validation_targets: data.validation_labels().iter().flat_map(encode).collect(),
-            batch: Tensor::zeros((rows, data.dim()), DType::F32, &Device::Cpu)?,
+            best: Default::default(),
             saver,
         };
         if let Some(snapshot) = run.saver.as_ref().map(Saver::load).transpose()?.flatten() {
@@ -163,34 +143,24 @@ impl<'a> Run<'a> {
     }
 
     fn restore(&mut self, snapshot: Snapshot) -> Result<(), Error> {
-        self.head.set_parameters(&snapshot.parameters)?;
+        set_parameters(self.engine, &snapshot.parameters)?;
+        self.engine.set_state(&snapshot.state)?;
         self.optimizer.steps = snapshot.steps;
-        self.optimizer.first = snapshot.first;
-        self.optimizer.second = snapshot.second;
-        (self.position, self.curve, self.best) = (snapshot.position, snapshot.curve, snapshot.best);
+        self.optimizer.first = snapshot.first.into_owned();
+        self.optimizer.second = snapshot.second.into_owned();
+        self.best = (snapshot.best.into_owned(), snapshot.best_state.into_owned());
+        (self.position, self.curve) = (snapshot.position, snapshot.curve.into_owned());
         Ok(())
     }
 
-    fn snapshot(&self) -> Result<Snapshot, Error> {
-        Ok(Snapshot {
-            position: self.position,
-            curve: self.curve.clone(),
-            steps: self.optimizer.steps,
-            parameters: self.head.parameters()?,
-            best: self.best.clone(),
-            first: self.optimizer.first.clone(),
-            second: self.optimizer.second.clone(),
-        })
-    }
-
     fn epochs(&mut self, observer: &mut dyn Observer, progress: &dyn Progress) -> Result<Stopped, Error> {
-        while self.position.epoch < self.job.train.epochs {
+        while self.position.epoch < self.train.epochs {
             let record = self.epoch(progress)?;
             progress.advance(1);
             if observer.epoch(&record) == Verdict::Prune {
                 return Ok(Stopped::Pruned);
             }
-            if early::exhausted(&self.curve, &self.job.train.early_stopping) {
+            if early::exhausted(&self.curve, &self.train.early_stopping) {
                 return Ok(Stopped::Early);
             }
         }
@@ -200,58 +170,51 @@ impl<'a> Run<'a> {
     /// The rest of the epoch under way, from its next step on, and its validation.
     fn epoch(&mut self, progress: &dyn Progress) -> Result<EpochRecord, Error> {
         let epoch = self.position.epoch;
-        let rows = draws::epoch_rows(self.job.data, self.job.train.augmentation_strength, self.job.seed, epoch);
-        for rows in rows.chunks(self.job.train.batch_size as usize).skip(self.position.step as usize) {
+        let rows = self.engine.epoch_rows(epoch);
+        for rows in rows.chunks(self.train.batch_size as usize).skip(self.position.step as usize) {
             if progress.interrupted() {
-                self.save(true)?;
-                return Err(Error::Interrupted);
+                return self.interrupted();
             }
-            self.save(false)?;
+            self.save_if_due(SAVE_INTERVAL)?;
             self.position.loss_sum += self.step(rows)? * rows.len() as f64;
             self.position.step += 1;
         }
-        let record = self.validate(self.position.loss_sum / rows.len() as f64)?;
+        let record = match self.validate(self.position.loss_sum / rows.len() as f64) {
+            Err(Error::Interrupted) => return self.interrupted(),
+            other => other?,
+        };
         if early::best(&self.curve).is_none_or(|best| record.objective < best.objective) {
-            self.best = self.head.parameters()?;
+            parameters(self.engine, &mut self.best.0)?;
+            self.best.1 = self.engine.state();
         }
         self.curve.push(record);
         self.position = Position { epoch: epoch + 1, ..Position::default() };
+        self.save_if_due(Duration::ZERO)?;
         Ok(record)
     }
 
     /// One step on `rows`; returns the mean loss before it.
     fn step(&mut self, rows: &[u32]) -> Result<f64, Error> {
         let Position { epoch, step, .. } = self.position;
-        let (job, seed) = (self.job, self.job.seed);
-        self.batch.inplace_op1(&Gather { data: job.data, rows })?;
-        let x = self.batch.narrow(0, 0, rows.len())?;
-        let mut masks = |layer, n, share| draws::dropout_mask(seed, [epoch, step], layer, n, share);
-        let targets = rows.iter().flat_map(|row| self.targets[*row as usize]).collect();
-        let outputs = self.head.forward(&x, &mut masks)?;
-        let loss = outputs.apply_op1(LossOp { loss: job.train.loss, targets })?;
-        let value = loss.to_scalar::<f64>()?;
-        if !value.is_finite() {
+        let loss = self.engine.gradients(rows, Place { epoch, step, part: 0 }, 1.0)?;
+        if !loss.is_finite() || !self.optimizer.step(self.engine)? {
             return Err(Error::Diverged { epoch, step });
         }
-        loss.backward()?;
-        if !self.optimizer.step(&self.head)? {
-            return Err(Error::Diverged { epoch, step });
-        }
-        Ok(value)
+        Ok(loss)
     }
 
-    fn validate(&self, train_loss: f64) -> Result<EpochRecord, Error> {
+    fn validate(&mut self, train_loss: f64) -> Result<EpochRecord, Error> {
         let Position { epoch, step, .. } = self.position;
-        let outputs = self.head.predict_standardised(self.job.data.validation())?;
-        let labels = self.job.data.validation_labels();
+        let outputs = self.engine.validate()?;
+        let (coding, labels) = (self.engine.coding(), self.engine.validation_labels());
         let (mut sum_f, mut sum_xi) = (0.0, 0.0);
         for (output, label) in outputs.iter().zip(labels) {
-            let (f_px, xi) = self.job.coding.decode(*output);
+            let (f_px, xi) = coding.decode(*output);
             sum_f += (f_px - label.0).abs();
             sum_xi += (xi - label.1).abs();
         }
         let (mae_f, mae_xi) = (sum_f / labels.len() as f64, sum_xi / labels.len() as f64);
-        let validation_loss = mean_loss(self.job.train.loss, outputs.as_flattened(), &self.validation_targets);
+        let validation_loss = mean_loss(self.train.loss, outputs.as_flattened(), &self.validation_targets);
         let objective = objective(mae_f, mae_xi);
         if !(validation_loss.is_finite() && objective.is_finite()) {
             return Err(Error::Diverged { epoch, step });
@@ -259,21 +222,39 @@ impl<'a> Run<'a> {
         Ok(EpochRecord { epoch, train_loss, validation_loss, mae_f, mae_xi, objective })
     }
 
-    /// Saves the state if there is a place for it, and if it is `now` or never, or time again.
-    fn save(&mut self, now: bool) -> Result<(), Error> {
-        if self.saver.as_ref().is_some_and(|s| now || s.is_due()) {
-            let snapshot = self.snapshot()?;
-            if let Some(saver) = &mut self.saver {
-                saver.save(&snapshot)?;
-            }
-        }
+    /// Saves the state if there is a place for it.
+    fn interrupted<T>(&mut self) -> Result<T, Error> {
+        self.save()?;
+        Err(Error::Interrupted)
+    }
+
+    fn save_if_due(&mut self, interval: Duration) -> Result<(), Error> {
+        if self.saver.as_ref().is_some_and(|s| s.is_due(interval)) { self.save() } else { Ok(()) }
+    }
+
+    fn save(&mut self) -> Result<(), Error> {
+        let Some(saver) = &mut self.saver else { return Ok(()) };
+        let state = self.engine.state();
+        parameters(self.engine, &mut saver.parameters)?;
+        saver.save(|parameters| Snapshot {
+            position: self.position,
+            curve: Cow::Borrowed(&self.curve),
+            steps: self.optimizer.steps,
+            parameters: Cow::Borrowed(parameters),
+            state: Cow::Owned(state),
+            best: Cow::Borrowed(&self.best.0),
+            best_state: Cow::Borrowed(&self.best.1),
+            first: Cow::Borrowed(&self.optimizer.first),
+            second: Cow::Borrowed(&self.optimizer.second),
+        })?;
         Ok(())
     }
 
-    fn finish(self, stopped: Stopped) -> Result<Fitted, Error> {
-        self.head.set_parameters(&self.best)?;
+    fn finish(self, stopped: Stopped) -> Result<Trained, Error> {
+        set_parameters(self.engine, &self.best.0)?;
+        self.engine.set_state(&self.best.1)?;
         let (best_epoch, best_objective) = early::best(&self.curve).map_or((0, f64::NAN), |r| (r.epoch, r.objective));
-        Ok(Fitted { curve: self.curve, best_epoch, best_objective, stopped, head: self.head })
+        Ok(Trained { curve: self.curve, best_epoch, best_objective, stopped })
     }
 }
 
@@ -281,47 +262,36 @@ impl<'a> Run<'a> {
 struct Saver<'a> {
     folder: &'a Path,
     job: Hash,
+    /// Where parameters are collected to be saved.
+    parameters: Vec<f32>,
     /// The clock decides only how much is done again after a kill: a training goes on to the same bits
     /// from whichever step it was saved at.
     last: Instant,
+    /// How long the last saving took.
+    cost: Duration,
 }
 
 impl<'a> Saver<'a> {
-    fn new(folder: &'a Path, job: &Job) -> Result<Self, Error> {
-        Ok(Self { folder, job: job.hash()?, last: Instant::now() })
+    fn new(folder: &'a Path, train: &TrainSpec, engine: &dyn Engine) -> Result<Self, Error> {
+        let serialise = |source| store::Error::Serialise { path: folder.to_owned(), source };
+        let job = hash_json(&(VERSION, train, engine.fingerprint()?)).map_err(serialise)?;
+        Ok(Self { folder, job, parameters: Vec::new(), last: Instant::now(), cost: Duration::ZERO })
     }
 
-    fn is_due(&self) -> bool {
-        self.last.elapsed() >= SAVE_INTERVAL
+    /// Whether `interval` has passed, and so much time that saving takes a small share of it.
+    fn is_due(&self, interval: Duration) -> bool {
+        self.last.elapsed() >= interval.max(SAVE_SHARE * self.cost)
     }
 
-    fn load(&self) -> Result<Option<Snapshot>, store::Error> {
+    fn load(&self) -> Result<Option<Snapshot<'static>>, store::Error> {
         Snapshot::load(self.folder, &self.job)
     }
 
-    fn save(&mut self, snapshot: &Snapshot) -> Result<(), store::Error> {
-        snapshot.save(self.folder, &self.job)?;
+    fn save<'s>(&'s mut self, snapshot: impl FnOnce(&'s [f32]) -> Snapshot<'s>) -> Result<(), store::Error> {
+        let begun = Instant::now();
+        snapshot(&self.parameters).save(self.folder, &self.job)?;
         self.last = Instant::now();
-        Ok(())
-    }
-}
-
-/// Copies `rows` of the training matrix to the first rows of a tensor.
-struct Gather<'a> {
-    data: &'a TrainingData,
-    rows: &'a [u32],
-}
-
-impl InplaceOp1 for Gather<'_> {
-    fn name(&self) -> &'static str {
-        "gather"
-    }
-
-    fn cpu_fwd(&self, storage: &mut CpuStorage, _: &Layout) -> candle_core::Result<()> {
-        let CpuStorage::F32(batch) = storage else { bail!("batch is not of type f32") };
-        for (to, row) in batch.chunks_exact_mut(self.data.dim()).zip(self.rows) {
-            to.copy_from_slice(self.data.train_row(*row));
-        }
+        self.cost = self.last - begun;
         Ok(())
     }
 }

@@ -4,13 +4,15 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 use super::*;
 use crate::config::spec::{
-    Activation, EarlyStoppingSpec, LabelCoding, LayerSpec, Loss, NetworkKind, Optimizer, SamplingSpec,
+    Activation, EarlyStoppingSpec, LabelCoding, LayerSpec, Loss, NetworkKind, NetworkSpec, Optimizer, SamplingSpec,
 };
 use crate::dataset::Subset;
 use crate::error::{Class, Classify};
-use crate::network::Scale;
+use crate::network::{Coding, Scale};
 use crate::pipeline::progress::Silent;
+use crate::train::TrainingData;
 use crate::train::data::tests::{toy, toy_parts};
+use crate::train::head::{Fitted, Job, fit};
 
 /// Interrupts at the n-th question.
 struct After(AtomicU32);

@@ -1,18 +1,25 @@
 //! Training of one network: loop, optimisers, dropout, early stopping, checkpoint.
 //!
-//! [`fit`] trains a head on the rows of a [`TrainingData`], which all trials share. It runs on the
-//! calling thread only; trials run beside each other. Whether a fit runs through or is interrupted and
-//! resumed, its result has the same bits.
+//! The [loop](self::fit) decides when what happens, an [`Engine`](engine::Engine) computes. [`fit()`] trains a head on
+//! the rows of a [`TrainingData`], which all trials share. It runs on the calling thread only; trials run beside each
+//! other. Whether a training runs through or is interrupted and resumed, its result has the same bits.
 
+mod candle;
 mod checkpoint;
 mod data;
 mod draws;
 mod early;
+pub(crate) mod engine;
 mod fit;
+mod head;
 mod optimizer;
 
 pub use data::TrainingData;
-pub use fit::{Fitted, Job, Observer, Stopped, Verdict, fit};
+pub use fit::{Observer, Stopped, Verdict};
+pub use head::{Fitted, Job, fit};
+
+#[allow(unused_imports)] // DELETE
+pub(crate) use fit::{Plan, Trained, fit_engine};
 
 use serde::{Deserialize, Serialize};
 
@@ -102,6 +109,14 @@ pub enum Error {
         copy: u32,
         /// Number of the feature.
         feature: usize,
+    },
+    /// A saved training whose parameters are not those of the network; a bug.
+    #[error("{values} saved parameters for a network of {expected}")]
+    Parameters {
+        /// Number of values given.
+        values: usize,
+        /// Number that the network has.
+        expected: usize,
     },
     /// The network.
     #[error(transparent)]

@@ -4,13 +4,10 @@
 //! bits; and its SGD has no momentum. These go over parameters, gradients and state in one pass, with
 //! separate roundings of products and sums, so that every vector width gives the same bits.
 
-use std::cell::RefCell;
-
-use candle_core::{CpuStorage, InplaceOp1, Layout, Result, Var, bail};
-
+use super::Error;
+use super::engine::{Engine, TensorMut};
 use crate::config::spec::{Optimizer, TrainSpec};
 use crate::kernel::{Isa, isa};
-use crate::network::Head;
 
 const BETA_1: f64 = 0.9;
 const BETA_2: f64 = 0.999;
@@ -25,7 +22,7 @@ pub(super) struct State {
     weight_decay: f64,
     /// Steps taken.
     pub steps: u64,
-    /// Adam: mean of gradients; SGD: velocity. In the order of `Head::parameters`.
+    /// Adam: mean of gradients; SGD: velocity. In the order of `Engine::tensors`.
     pub first: Vec<f32>,
     /// Adam: mean of squared gradients; SGD: nothing.
     pub second: Vec<f32>,
@@ -47,10 +44,12 @@ enum Rule {
 }
 
 impl State {
-    /// Before the first step of a network with `parameters` values.
-    pub fn new(spec: &TrainSpec, parameters: usize) -> Self {
+    /// Before the first step of `engine`.
+    pub fn new(spec: &TrainSpec, engine: &mut dyn Engine) -> Result<Self, Error> {
+        let mut parameters = 0;
+        engine.tensors(&mut |tensor| parameters += tensor.values.len())?;
         let second = if spec.optimizer == Optimizer::Adam { parameters } else { 0 };
-        Self {
+        Ok(Self {
             optimizer: spec.optimizer,
             learning_rate: spec.learning_rate,
             momentum: spec.momentum as f32,
@@ -58,30 +57,22 @@ impl State {
             steps: 0,
             first: vec![0.0; parameters],
             second: vec![0.0; second],
-        }
+        })
     }
 
-    /// Applies the gradients that the last backward pass left in `head`; `false` if a parameter is no
-    /// longer finite.
-    pub fn step(&mut self, head: &Head) -> Result<bool> {
+    /// Applies the gradients that `engine` holds; `false` if a parameter is no longer finite.
+    pub fn step(&mut self, engine: &mut dyn Engine) -> Result<bool, Error> {
         self.steps += 1;
         let rule = self.rule();
         let keep = (1.0 - self.learning_rate * self.weight_decay) as f32;
         let (mut first, mut second) = (&mut self.first[..], &mut self.second[..]);
         let mut finite = true;
-        for layer in head.layers() {
-            let gradient = layer.gradient();
-            for (variable, gradient, keep) in
-                [(&layer.weight, &gradient.weight, keep), (&layer.bias, &gradient.bias, 1.0)]
-            {
-                let (own_first, rest) = first.split_at_mut(gradient.len());
-                first = rest;
-                let (own_second, rest) = second.split_at_mut(gradient.len().min(second.len()));
-                second = rest;
-                finite &=
-                    Update { rule, keep, gradient, moments: RefCell::new((own_first, own_second)) }.apply(variable)?;
-            }
-        }
+        engine.tensors(&mut |TensorMut { values, gradient, decays, .. }| {
+            let first = split_first(&mut first, values.len());
+            let second = split_first(&mut second, values.len());
+            let keep = if decays { keep } else { 1.0 };
+            finite &= update(isa(), rule, keep, values, gradient, first, second);
+        })?;
         Ok(finite)
     }
 
@@ -97,41 +88,12 @@ impl State {
     }
 }
 
-/// One step of one variable, in place.
-struct Update<'a> {
-    rule: Rule,
-    /// Share of the parameter that weight decay leaves.
-    keep: f32,
-    gradient: &'a [f32],
-    moments: RefCell<(&'a mut [f32], &'a mut [f32])>,
-}
-
-impl Update<'_> {
-    fn apply(&self, variable: &Var) -> Result<bool> {
-        let finite = RefCell::new(true);
-        variable.inplace_op1(&Slice(|parameters: &mut [f32]| {
-            let (first, second) = &mut *self.moments.borrow_mut();
-            *finite.borrow_mut() = update(isa(), self.rule, self.keep, parameters, self.gradient, first, second);
-        }))?;
-        Ok(finite.into_inner())
-    }
-}
-
-/// Hands a contiguous variable's values to a function that changes them.
-struct Slice<F>(F);
-
-impl<F: Fn(&mut [f32])> InplaceOp1 for Slice<F> {
-    fn name(&self) -> &'static str {
-        "update"
-    }
-
-    fn cpu_fwd(&self, storage: &mut CpuStorage, layout: &Layout) -> Result<()> {
-        match (storage, layout.contiguous_offsets()) {
-            (CpuStorage::F32(values), Some((begin, end))) => (self.0)(&mut values[begin..end]),
-            _ => bail!("variable with gaps, or not of type f32"),
-        }
-        Ok(())
-    }
+/// Takes the first `n` values off `rest`, or none if it is empty.
+fn split_first<'a>(rest: &mut &'a mut [f32], n: usize) -> &'a mut [f32] {
+    let n = n.min(rest.len());
+    let (first, after) = std::mem::take(rest).split_at_mut(n);
+    *rest = after;
+    first
 }
 
 /// One step with the widest vectors that `isa` has; they change the speed only.

@@ -1,0 +1,143 @@
+//! A head as candle's variables and operations.
+
+use std::cell::RefCell;
+use std::path::Path;
+
+use candle_core::{CpuStorage, DType, Device, InplaceOp1, Layout, Result as CandleResult, Tensor, Var, bail};
+
+use super::engine::{Engine, Group, Place, TensorMut};
+use super::head::Job;
+use super::{Error, TrainingData, draws};
+use crate::network::{Coding, Head, LossOp};
+use crate::store::{self, Hash, hash_json};
+
+/// A head, and the rows that it is trained on.
+pub(super) struct CandleHead<'a> {
+    job: &'a Job<'a>,
+    head: Head,
+    /// Names of the layers' weights and biases.
+    names: Vec<[String; 2]>,
+    /// Coded labels of all training rows.
+    targets: Vec<[f32; 2]>,
+    /// The rows of a step, `[batch × dim]`, filled anew each time.
+    batch: Tensor,
+}
+
+impl<'a> CandleHead<'a> {
+    /// Before the first step.
+    pub fn new(job: &'a Job<'a>) -> Result<Self, Error> {
+        let data = job.data;
+        let head = Head::new(job.network, job.coding, data.standardisation().clone(), job.seed)?;
+        let rows = (job.train.batch_size as usize).min(data.train_rows());
+        Ok(Self {
+            job,
+            names: head.layers().iter().map(|l| ["weight", "bias"].map(|part| format!("{}.{part}", l.name))).collect(),
+            head,
+            targets: data.train_labels().iter().map(|label| job.coding.encode(label.0, label.1)).collect(),
+            batch: Tensor::zeros((rows, data.dim()), DType::F32, &Device::Cpu)?,
+        })
+    }
+
+    /// The head as it is.
+    pub fn into_head(self) -> Head {
+        self.head
+    }
+}
+
+/// Names what a head is trained on, and from where.
+pub(super) fn fingerprint(job: &Job) -> Result<Hash, Error> {
+    let key = (job.network, job.coding, job.seed, job.data.fingerprint());
+    let path = || job.checkpoint.unwrap_or(Path::new("training")).to_owned();
+    Ok(hash_json(&key).map_err(|source| store::Error::Serialise { path: path(), source })?)
+}
+
+impl Engine for CandleHead<'_> {
+    fn fingerprint(&self) -> Result<Hash, Error> {
+        fingerprint(self.job)
+    }
+
+    fn epoch_rows(&self, epoch: u32) -> Vec<u32> {
+        draws::epoch_rows(self.job.data, self.job.train.augmentation_strength, self.job.seed, epoch)
+    }
+
+    fn gradients(&mut self, rows: &[u32], place: Place, share: f64) -> Result<f64, Error> {
+        self.batch.inplace_op1(&Gather { data: self.job.data, rows })?;
+        let x = self.batch.narrow(0, 0, rows.len())?;
+        let mut masks = |layer, n, dropped| draws::dropout_mask(self.job.seed, place, layer, n, dropped);
+        let targets = rows.iter().flat_map(|row| self.targets[*row as usize]).collect();
+        let outputs = self.head.forward(&x, &mut masks)?;
+        let loss = outputs.apply_op1(LossOp { loss: self.job.train.loss, targets, share })?;
+        let value = loss.to_scalar::<f64>()?;
+        if value.is_finite() {
+            self.head.add_gradients(place.part > 0);
+            loss.backward()?;
+        }
+        Ok(value)
+    }
+
+    fn tensors(&mut self, visit: &mut dyn FnMut(TensorMut<'_>)) -> Result<(), Error> {
+        for (layer, [weight, bias]) in self.head.layers().iter().zip(&self.names) {
+            let gradient = layer.gradient();
+            let parts = [(&layer.weight, weight, &gradient.weight, true), (&layer.bias, bias, &gradient.bias, false)];
+            for (variable, name, gradient, decays) in parts {
+                change(variable, |values| {
+                    visit(TensorMut { name, values, gradient, decays, group: Group::Head });
+                })?;
+            }
+        }
+        Ok(())
+    }
+
+    fn validate(&mut self) -> Result<Vec<[f32; 2]>, Error> {
+        Ok(self.head.predict_standardised(self.job.data.validation())?)
+    }
+
+    fn validation_labels(&self) -> &[(f64, f64)] {
+        self.job.data.validation_labels()
+    }
+
+    fn coding(&self) -> &Coding {
+        self.job.coding
+    }
+}
+
+/// Copies `rows` of the training matrix to the first rows of a tensor.
+struct Gather<'a> {
+    data: &'a TrainingData,
+    rows: &'a [u32],
+}
+
+impl InplaceOp1 for Gather<'_> {
+    fn name(&self) -> &'static str {
+        "gather"
+    }
+
+    fn cpu_fwd(&self, storage: &mut CpuStorage, _: &Layout) -> CandleResult<()> {
+        let CpuStorage::F32(batch) = storage else { bail!("batch is not of type f32") };
+        for (to, row) in batch.chunks_exact_mut(self.data.dim()).zip(self.rows) {
+            to.copy_from_slice(self.data.train_row(*row));
+        }
+        Ok(())
+    }
+}
+
+/// Hands a contiguous variable's values to a function that may change them.
+fn change(variable: &Var, work: impl FnMut(&mut [f32])) -> CandleResult<()> {
+    variable.inplace_op1(&Change(RefCell::new(work)))
+}
+
+struct Change<F>(RefCell<F>);
+
+impl<F: FnMut(&mut [f32])> InplaceOp1 for Change<F> {
+    fn name(&self) -> &'static str {
+        "change"
+    }
+
+    fn cpu_fwd(&self, storage: &mut CpuStorage, layout: &Layout) -> CandleResult<()> {
+        match (storage, layout.contiguous_offsets()) {
+            (CpuStorage::F32(values), Some((begin, end))) => (self.0.borrow_mut())(&mut values[begin..end]),
+            _ => bail!("variable with gaps, or not of type f32"),
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,67 @@
+//! Training of a head on stored features.
+
+use std::path::Path;
+
+use super::candle::CandleHead;
+use super::fit::{Observer, Plan, Stopped, fit_engine};
+use super::{EpochRecord, Error, TrainingData};
+use crate::config::spec::{NetworkSpec, TrainSpec};
+use crate::network::{Coding, Head};
+use crate::pipeline::progress::Progress;
+
+/// One head to be trained.
+#[derive(Debug, Clone, Copy)]
+pub struct Job<'a> {
+    /// Layers and outputs.
+    pub network: &'a NetworkSpec,
+    /// How it is trained.
+    pub train: &'a TrainSpec,
+    /// What the outputs stand for.
+    pub coding: &'a Coding,
+    /// On what.
+    pub data: &'a TrainingData,
+    /// Seed of weights, order of rows, choice of copies and dropout.
+    pub seed: u64,
+    /// Folder of this training's own in which its state is kept while it runs; the caller removes it afterwards.
+    pub checkpoint: Option<&'a Path>,
+}
+
+/// A trained head.
+#[derive(Debug)]
+pub struct Fitted {
+    /// All epochs, in order.
+    pub curve: Vec<EpochRecord>,
+    /// Epoch with the lowest objective on validation, the earliest of equals.
+    pub best_epoch: u32,
+    /// Objective at that epoch.
+    pub best_objective: f64,
+    /// Why training ended.
+    pub stopped: Stopped,
+    /// The network with the weights of that epoch.
+    pub head: Head,
+}
+
+/// Trains a head.
+///
+/// Each epoch goes once through all plain rows and, with probability `augmentation_strength` each,
+/// changed copies. Patience counts on the validation *loss*; the weights kept are those of the epoch
+/// with the lowest validation *objective*, since that is the training's value in a search.
+///
+/// A saved state of the same job in `job.checkpoint` is resumed; a damaged or foreign one is ignored,
+/// as beginning anew gives the same result.
+///
+/// # Errors
+/// [`Error::Diverged`] if loss or parameters leave the finite numbers, [`Error::Interrupted`] after the
+/// state is saved, and those of network and disk.
+pub fn fit(job: &Job, observer: &mut dyn Observer, progress: &dyn Progress) -> Result<Fitted, Error> {
+    let plan = Plan { train: job.train, checkpoint: job.checkpoint };
+    let mut engine = CandleHead::new(job)?;
+    let trained = fit_engine(&plan, &mut engine, observer, progress)?;
+    Ok(Fitted {
+        curve: trained.curve,
+        best_epoch: trained.best_epoch,
+        best_objective: trained.best_objective,
+        stopped: trained.stopped,
+        head: engine.into_head(),
+    })
+}
