@@ -3,11 +3,13 @@
 
 mod buffer;
 mod conv;
+mod dispatch;
 mod map;
 mod matmul;
 mod simd;
 mod stencil;
 mod tile;
+mod training;
 
 pub use buffer::Buffer;
 pub use conv::Conv;
@@ -15,3 +17,7 @@ pub use map::{Pad, Shape, View, ViewMut, Window};
 pub use matmul::{Mat, matmul, matmul_with};
 pub use simd::{Isa, IsaError, check_isa, isa};
 pub use stencil::{Depthwise, average_pool, max_pool};
+pub use training::{
+    NormGradient, Normalization, Scratch, TrainableConv, TrainableDepthwise, average_pool_gradient, max_pool_gradient,
+    max_pool_with_winners, statistics,
+};
