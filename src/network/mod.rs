@@ -20,7 +20,7 @@ pub use loss::{loss_and_gradient, mean_loss};
 pub use projection::Projection;
 pub use standardise::{Scale, Standardisation};
 
-pub(crate) use dense::Gradient;
+pub(crate) use dense::{Gradient, read, values};
 pub(crate) use loss::LossOp;
 
 use std::path::PathBuf;

@@ -31,7 +31,7 @@ impl<'a> CandleHead<'a> {
         let rows = (job.train.batch_size as usize).min(data.train_rows());
         Ok(Self {
             job,
-            names: head.layers().iter().map(|l| ["weight", "bias"].map(|part| format!("{}.{part}", l.name))).collect(),
+            names: head_names(&head),
             head,
             targets: data.train_labels().iter().map(|label| job.coding.encode(label.0, label.1)).collect(),
             batch: Tensor::zeros((rows, data.dim()), DType::F32, &Device::Cpu)?,
@@ -76,16 +76,7 @@ impl Engine for CandleHead<'_> {
     }
 
     fn tensors(&mut self, visit: &mut dyn FnMut(TensorMut<'_>)) -> Result<(), Error> {
-        for (layer, [weight, bias]) in self.head.layers().iter().zip(&self.names) {
-            let gradient = layer.gradient();
-            let parts = [(&layer.weight, weight, &gradient.weight, true), (&layer.bias, bias, &gradient.bias, false)];
-            for (variable, name, gradient, decays) in parts {
-                change(variable, |values| {
-                    visit(TensorMut { name, values, gradient, decays, group: Group::Head });
-                })?;
-            }
-        }
-        Ok(())
+        visit_head(&self.head, &self.names, visit)
     }
 
     fn validate(&mut self) -> Result<Vec<[f32; 2]>, Error> {
@@ -99,6 +90,27 @@ impl Engine for CandleHead<'_> {
     fn coding(&self) -> &Coding {
         self.job.coding
     }
+}
+
+/// Names of each layer's weights and biases.
+pub(super) fn head_names(head: &Head) -> Vec<[String; 2]> {
+    head.layers().iter().map(|l| ["weight", "bias"].map(|part| format!("{}.{part}", l.name))).collect()
+}
+
+/// Hands a head's tensors to `visit`, layer by layer.
+pub(super) fn visit_head(
+    head: &Head,
+    names: &[[String; 2]],
+    visit: &mut dyn FnMut(TensorMut<'_>),
+) -> Result<(), Error> {
+    for (layer, [weight, bias]) in head.layers().iter().zip(names) {
+        let gradient = layer.gradient();
+        let parts = [(&layer.weight, weight, &gradient.weight, true), (&layer.bias, bias, &gradient.bias, false)];
+        for (variable, name, gradient, decays) in parts {
+            change(variable, |values| visit(TensorMut { name, values, gradient, decays, group: Group::Head }))?;
+        }
+    }
+    Ok(())
 }
 
 /// Copies `rows` of the training matrix to the first rows of a tensor.
@@ -122,7 +134,7 @@ impl InplaceOp1 for Gather<'_> {
 }
 
 /// Hands a contiguous variable's values to a function that may change them.
-fn change(variable: &Var, work: impl FnMut(&mut [f32])) -> CandleResult<()> {
+pub(super) fn change(variable: &Var, work: impl FnMut(&mut [f32])) -> CandleResult<()> {
     variable.inplace_op1(&Change(RefCell::new(work)))
 }
 
