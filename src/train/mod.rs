@@ -18,7 +18,7 @@ mod tuning;
 pub use data::TrainingData;
 pub use fit::{Observer, Stopped, Trained, Verdict};
 pub use head::{Fitted, Job, fit};
-pub use tuning::{Images, TunedNetwork, Tuning, TuningData, TuningJob, tune};
+pub use tuning::{Images, TunedNetwork, Tuning, TuningData, TuningJob, TuningSteps, tune};
 
 use std::path::PathBuf;
 

@@ -4,11 +4,13 @@ mod data;
 mod engine;
 mod model;
 mod operation;
+mod steps;
 #[cfg(test)]
 mod tests;
 
 pub use data::{Images, TuningData};
 pub use model::TunedNetwork;
+pub use steps::TuningSteps;
 
 use std::path::Path;
 
