@@ -5,7 +5,9 @@ mod buffer;
 mod conv;
 mod map;
 mod matmul;
+mod product;
 mod simd;
+mod slices;
 mod stencil;
 mod tile;
 
@@ -13,5 +15,7 @@ pub use buffer::Buffer;
 pub use conv::Conv;
 pub use map::{Pad, Shape, View, ViewMut, Window};
 pub use matmul::{Mat, matmul, matmul_with};
+pub use product::{Start, product, product_with, transpose};
 pub use simd::{Isa, IsaError, check_isa, isa};
+pub use slices::{compiled_for, sigmoid, sum_of_squares, tanh};
 pub use stencil::{Depthwise, average_pool, max_pool};
