@@ -109,7 +109,11 @@ impl Engine for TuningEngine<'_> {
         let anew = place.part == 0;
         let features = self.parameters.apply_op1(Features { backbone: self.backbone.clone(), anew })?;
         let x = features.apply_op1(Standardise(self.standardise.clone()))?;
-        let mut masks = |layer, n, dropped| draws::dropout_mask(job.seed, place, layer, n, dropped);
+        let mut masks = |layer, n, dropped| {
+            let mut mask = vec![0.0; n];
+            draws::dropout_mask(job.seed, place, layer, dropped, &mut mask);
+            mask
+        };
         let outputs = self.head.forward(&x, &mut masks)?;
         let loss = outputs.apply_op1(LossOp { loss: job.train.loss, targets, share })?;
         let value = loss.to_scalar::<f64>()?;

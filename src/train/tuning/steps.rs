@@ -39,7 +39,7 @@ impl<'a> TuningSteps<'a> {
         let begin = step as usize % whole.max(1) * self.batch_size;
         let batch = &self.rows[begin..(begin + self.batch_size).min(self.rows.len())];
         let loss = self.engine.gradients(batch, self.place, 1.0)?;
-        if !loss.is_finite() || !self.optimizer.step(&mut self.engine)? {
+        if !loss.is_finite() || !self.optimizer.step(&mut self.engine, 1.0)? {
             return Err(Error::Diverged { epoch, step });
         }
         self.place.step += 1;
