@@ -353,16 +353,18 @@ pub(super) fn feature_rows(views: &[View], copies: u32) -> Vec<FeatureRow> {
     plain.chain(changed).collect()
 }
 
-/// The epochs of one training as part of those of all.
+/// The epochs of one training as part of those of all, and what it tells of within an epoch.
 pub(super) struct Epochs<'a> {
     stages: &'a Stages<'a>,
     left: AtomicU64,
+    /// Levels begun: 1 counts epochs, deeper ones are shown as they are.
+    depth: AtomicU64,
 }
 
 impl<'a> Epochs<'a> {
     /// A training of at most `epochs` epochs.
     pub(super) fn new(stages: &'a Stages<'a>, epochs: u32) -> Self {
-        Self { stages, left: AtomicU64::new(epochs.into()) }
+        Self { stages, left: AtomicU64::new(epochs.into()), depth: AtomicU64::new(0) }
     }
 
     /// The training ended: the epochs that it did not need are done, too.
@@ -372,13 +374,24 @@ impl<'a> Epochs<'a> {
 }
 
 impl Progress for Epochs<'_> {
-    fn begin(&self, _: &str, _: u64) {}
+    fn begin(&self, what: &str, total: u64) {
+        if self.depth.fetch_add(1, Ordering::Relaxed) > 0 {
+            self.stages.progress.begin(what, total);
+        }
+    }
     fn advance(&self, by: u64) {
+        if self.depth.load(Ordering::Relaxed) > 1 {
+            return self.stages.progress.advance(by);
+        }
         let before = self.left.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |n| Some(n.saturating_sub(by)));
         self.stages.progress.advance(by.min(before.unwrap_or(0)));
     }
     fn note(&self, _: &str) {}
-    fn end(&self) {}
+    fn end(&self) {
+        if self.depth.fetch_sub(1, Ordering::Relaxed) > 1 {
+            self.stages.progress.end();
+        }
+    }
     fn interrupted(&self) -> bool {
         self.stages.interrupted()
     }

@@ -7,8 +7,8 @@ use crate::kernel::dispatch::{Work, dispatch, load, store};
 use crate::kernel::map::{Shape, View, ViewMut};
 use crate::kernel::simd::{Isa, Simd, isa};
 
-/// Pixels whose sums are made in one go; a sum over all pixels adds up those of these chunks, in order.
-const CHUNK: usize = 256;
+/// Pixels whose sums are made in one go; a sum over all pixels adds up those of these chunks, in order and in f64.
+const CHUNK: usize = 128;
 
 /// Mean and variance (divided by the number of pixels) of each channel of `z`.
 ///
@@ -26,33 +26,25 @@ pub(super) fn statistics_with(isa: Isa, z: View, mean: &mut [f32], variance: &mu
     let pixels = z.shape.pixels();
     assert!(pixels > 0 && mean.len() == channels && variance.len() == channels, "statistics of another shape");
     let shift = z.pixel(0);
-    let sums = chunk_sums(z.shape, scratch, |first, pixels, sums| {
-        dispatch(isa, Moments { z, first, pixels, shift, sums });
+    let len = 2 * channels;
+    scratch.sums.clear();
+    scratch.sums.resize(pixels.div_ceil(CHUNK) * len, 0.0);
+    scratch.sums.par_chunks_mut(len).enumerate().for_each(|(i, sums)| {
+        let first = i * CHUNK;
+        dispatch(isa, Moments { z, first, pixels: CHUNK.min(pixels - first), shift, sums });
     });
+    let (sums, others) = scratch.sums.split_at_mut(len);
+    for chunk in others.chunks_exact(len) {
+        for (total, sum) in sums.iter_mut().zip(chunk) {
+            *total += sum;
+        }
+    }
     let n = pixels as f64;
     for c in 0..channels {
         let (first, second) = (sums[c] / n, sums[channels + c] / n);
         mean[c] = (f64::from(shift[c]) + first) as f32;
         variance[c] = (second - first * first).max(0.0) as f32;
     }
-}
-
-/// Two sums for each channel over all pixels: `add(first, pixels, sums)` adds those of some pixels to `sums`.
-fn chunk_sums(shape: Shape, scratch: &mut Scratch, add: impl Fn(usize, usize, &mut [f64]) + Sync) -> &[f64] {
-    let len = 2 * shape.channels;
-    let pixels = shape.pixels();
-    scratch.sums.clear();
-    scratch.sums.resize(pixels.div_ceil(CHUNK) * len, 0.0);
-    scratch.sums.par_chunks_mut(len).enumerate().for_each(|(i, sums)| {
-        add(i * CHUNK, CHUNK.min(pixels - i * CHUNK), sums);
-    });
-    let (total, others) = scratch.sums.split_at_mut(len);
-    for sums in others.chunks_exact(len) {
-        for (total, sum) in total.iter_mut().zip(sums) {
-            *total += sum;
-        }
-    }
-    total
 }
 
 struct Moments<'a> {
@@ -198,9 +190,7 @@ impl NormGradient<'_> {
         let maps = maps.into_iter().flatten().chain(by_added.as_ref().map(|(map, _)| map.shape));
         let vectors = [self.mean, self.inverse, self.gamma, dgamma, dbeta].map(|v| v.len() == channels);
         assert!(maps.into_iter().all(|s| s == shape) && vectors == [true; 5], "other shapes");
-        let totals = chunk_sums(shape, scratch, |first, pixels, sums| {
-            dispatch(isa, GradientSums { passing, z, mean: self.mean, first, pixels, sums });
-        });
+        let totals = self.sums(isa, passing, z, scratch);
         let (sums, products) = totals.split_at(channels);
         for c in 0..channels {
             dbeta[c] = sums[c] as f32;
@@ -209,6 +199,25 @@ impl NormGradient<'_> {
         let factors: Vec<_> = (0..channels).map(|c| self.factors(c, shape, sums[c], products[c])).collect();
         let factors = [0, 1, 2].map(|k| factors.iter().map(|f| f[k]).collect::<Vec<_>>());
         self.write(isa, passing, z, dz, by_added, &factors);
+    }
+
+    /// For each channel, the sum of the gradients that pass, and of their products with z − mean.
+    fn sums<'s>(&self, isa: Isa, passing: Passing, z: View, scratch: &'s mut Scratch) -> &'s [f64] {
+        let (len, pixels) = (2 * z.shape.channels, z.shape.pixels());
+        scratch.weights.resize(pixels.div_ceil(CHUNK) * len);
+        scratch.weights.par_chunks_mut(len.max(1)).enumerate().for_each(|(i, sums)| {
+            let first = i * CHUNK;
+            let pixels = CHUNK.min(pixels - first);
+            dispatch(isa, GradientSums { passing, z, mean: self.mean, first, pixels, sums });
+        });
+        scratch.sums.clear();
+        scratch.sums.resize(len, 0.0);
+        for sums in scratch.weights.chunks_exact(len.max(1)) {
+            for (total, sum) in scratch.sums.iter_mut().zip(sums) {
+                *total += f64::from(*sum);
+            }
+        }
+        &scratch.sums
     }
 
     /// Factor of the gradient that passes, factor of z − mean, and what is added.
@@ -252,34 +261,49 @@ pub(super) struct Passing<'a> {
     pub bounded: Option<(View<'a>, (f32, f32))>,
 }
 
+impl Passing<'_> {
+    /// Channels from `c` on of pixel `p`.
+    ///
+    /// # Safety
+    /// The processor has the instruction set of `S`, and there are more than `c` channels.
+    #[inline(always)]
+    unsafe fn load<S: Simd>(&self, p: usize, c: usize) -> S {
+        // SAFETY: the maps have the same channels
+        unsafe {
+            let dy = load::<S>(self.dy.pixel(p), c);
+            match self.bounded {
+                Some((y, (low, high))) => dy.where_between(load(y.pixel(p), c), S::splat(low), S::splat(high)),
+                None => dy,
+            }
+        }
+    }
+}
+
 struct GradientSums<'a> {
     passing: Passing<'a>,
     z: View<'a>,
     mean: &'a [f32],
     first: usize,
     pixels: usize,
-    sums: &'a mut [f64],
+    sums: &'a mut [f32],
 }
 
 impl Work for GradientSums<'_> {
     #[inline(always)]
     unsafe fn run<S: Simd>(self) {
         let channels = self.mean.len();
+        self.sums.fill(0.0);
         let (sums, products) = self.sums.split_at_mut(channels);
         for p in self.first..self.first + self.pixels {
-            let (dy, z) = (self.passing.dy.pixel(p), self.z.pixel(p));
-            let mut add = |c: usize, passing: f32| {
-                sums[c] += f64::from(passing);
-                products[c] += f64::from(passing) * (f64::from(z[c]) - f64::from(self.mean[c]));
-            };
-            match self.passing.bounded {
-                Some((y, (low, high))) => {
-                    let y = y.pixel(p);
-                    for c in 0..channels {
-                        add(c, if low < y[c] && y[c] < high { dy[c] } else { 0.0 });
-                    }
+            let z = self.z.pixel(p);
+            for c in (0..channels).step_by(S::LANES) {
+                // SAFETY: all slices have `channels` values; the caller vouches for the instruction set
+                unsafe {
+                    let passing = self.passing.load::<S>(p, c);
+                    store(load::<S>(sums, c).add(passing), sums, c);
+                    let distance = load::<S>(z, c).sub(load(self.mean, c));
+                    store(passing.fma(distance, load(products, c)), products, c);
                 }
-                None => (0..channels).for_each(|c| add(c, dy[c])),
             }
         }
     }
@@ -304,17 +328,13 @@ impl Work for WriteGradient<'_> {
         let channels = self.mean.len();
         let [factor, slope, constant] = self.factors;
         for p in 0..self.pixels {
-            let (dy, z) = (self.passing.dy.pixel(self.first + p), self.z.pixel(self.first + p));
-            let bounded = self.passing.bounded.map(|(y, bounds)| (y.pixel(self.first + p), bounds));
+            let z = self.z.pixel(self.first + p);
             let dz = &mut self.dz[p * self.stride..][..channels];
             let mut added = self.added.as_mut().map(|(map, stride, add)| (&mut map[p * *stride..][..channels], *add));
             for c in (0..channels).step_by(S::LANES) {
                 // SAFETY: all slices have `channels` values; the caller vouches for the instruction set
                 unsafe {
-                    let mut passing = load::<S>(dy, c);
-                    if let Some((y, (low, high))) = bounded {
-                        passing = passing.where_between(load(y, c), S::splat(low), S::splat(high));
-                    }
+                    let passing = self.passing.load::<S>(self.first + p, c);
                     let own = passing.fma(load(factor, c), load(constant, c));
                     store(load::<S>(z, c).sub(load(self.mean, c)).fma(load(slope, c), own), dz, c);
                     if let Some((map, add)) = &mut added {

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::windows::{Axis, Windows, rows_mut};
 use crate::kernel::dispatch::{Work, dispatch, load, store};
-use crate::kernel::map::{View, ViewMut, Window};
+use crate::kernel::map::{Shape, View, ViewMut, Window};
 use crate::kernel::simd::{Isa, Simd};
 
 /// The winner of a window that is wholly outside the image.
@@ -68,7 +68,8 @@ impl Work for Maximum<'_> {
 pub fn max_pool_gradient(isa: Isa, window: Window, dy: View, winners: &[u8], mut dx: ViewMut, accumulate: bool) {
     assert!(winners.len() == dy.shape.len(), "winners of another shape");
     let channels = dy.shape.channels;
-    gather(isa, window, dy, &mut dx, |terms, dx| dispatch(isa, OfWinners { terms, winners, dx, channels, accumulate }));
+    let term = |pixel: usize, tap: usize| (dy.pixel(pixel), &winners[pixel * channels..][..channels], tap as f32);
+    gather(isa, window, dy.shape, &mut dx, term, |terms, dx| dispatch(isa, OfWinners { terms, dx, accumulate }));
 }
 
 /// The gradient of an average by its input; see [`average_pool`](crate::kernel::average_pool) and [`max_pool_gradient`].
@@ -96,58 +97,56 @@ pub fn average_pool_gradient(
         let rows = inside(pixel / width % height, window.height, window.pad.top, x_height);
         1.0 / (rows * inside(pixel % width, window.width, window.pad.left, x_width)) as f32
     };
-    gather(isa, window, dy, &mut dx, |terms, dx| dispatch(isa, OfShares { terms, share: &share, dx, accumulate }));
+    let term = |pixel: usize, _| (dy.pixel(pixel), share(pixel));
+    gather(isa, window, dy.shape, &mut dx, term, |terms, dx| dispatch(isa, OfShares { terms, dx, accumulate }));
 }
 
-/// An output pixel that a window reaches an input pixel from.
-struct Term<'a> {
-    dy: &'a [f32],
-    pixel: usize,
-    tap: usize,
-}
-
-/// Calls `sum` for each pixel of `dx`, with the output pixels that have a part in it, in order.
-fn gather(isa: Isa, window: Window, dy: View, dx: &mut ViewMut, sum: impl Fn(&[Term], &mut [f32]) + Sync) {
+/// Calls `sum` for each pixel of `dx` with the terms of the output pixels whose windows cover it, in order; a term is made
+/// of an output pixel and the tap that covers.
+fn gather<T: Send>(
+    isa: Isa,
+    window: Window,
+    out: Shape,
+    dx: &mut ViewMut,
+    term: impl Fn(usize, usize) -> T + Sync,
+    sum: impl Fn(&[T], &mut [f32]) + Sync,
+) {
     assert!(isa.supported(), "{isa:?} on a processor without it");
-    window.check(dx.shape, dy.shape);
-    assert!(dx.shape.channels == dy.shape.channels, "other numbers of channels");
-    let (rows, columns) = Axis::both(window, dy.shape);
+    window.check(dx.shape, out);
+    assert!(dx.shape.channels == out.channels, "other numbers of channels");
+    let (rows, columns) = Axis::both(window, out);
     let (shape, stride) = (dx.shape, dx.stride);
     rows_mut(dx).enumerate().for_each_init(Vec::new, |terms, (row, dx)| {
-        let first_row = row / shape.height * dy.shape.height;
+        let first_row = row / shape.height * out.height;
         for column in 0..shape.width {
             terms.clear();
             for (oy, ky) in rows.covering(row % shape.height) {
-                for (ox, kx) in columns.covering(column) {
-                    let pixel = (first_row + oy) * dy.shape.width + ox;
-                    terms.push(Term { dy: dy.pixel(pixel), pixel, tap: ky * window.width + kx });
-                }
+                let first = (first_row + oy) * out.width;
+                terms.extend(columns.covering(column).map(|(ox, kx)| term(first + ox, ky * window.width + kx)));
             }
             sum(terms, &mut dx[column * stride..][..shape.channels]);
         }
     });
 }
 
+/// Gradients, the winners among whose inputs they go to, and the tap that wins here.
 struct OfWinners<'a> {
-    terms: &'a [Term<'a>],
-    winners: &'a [u8],
+    terms: &'a [(&'a [f32], &'a [u8], f32)],
     dx: &'a mut [f32],
-    channels: usize,
     accumulate: bool,
 }
 
 impl Work for OfWinners<'_> {
     #[inline(always)]
     unsafe fn run<S: Simd>(self) {
-        for c in (0..self.channels).step_by(S::LANES) {
-            let lanes = S::LANES.min(self.channels - c);
-            // SAFETY: all slices have `channels` values; the caller vouches for the instruction set
+        for c in (0..self.dx.len()).step_by(S::LANES) {
+            let lanes = S::LANES.min(self.dx.len() - c);
+            // SAFETY: all slices have the length of `dx`; the caller vouches for the instruction set
             unsafe {
                 let mut sum = if self.accumulate { load::<S>(self.dx, c) } else { S::splat(0.0) };
-                for Term { dy, pixel, tap } in self.terms {
-                    let winners = &self.winners[pixel * self.channels..][..self.channels];
+                for (dy, winners, tap) in self.terms {
                     let winner = S::load_bytes(winners.as_ptr().add(c), lanes);
-                    sum = sum.add(load::<S>(dy, c).where_equal(winner, S::splat(*tap as f32)));
+                    sum = sum.add(load::<S>(dy, c).where_equal(winner, S::splat(*tap)));
                 }
                 store(sum, self.dx, c);
             }
@@ -155,22 +154,22 @@ impl Work for OfWinners<'_> {
     }
 }
 
-struct OfShares<'a, F> {
-    terms: &'a [Term<'a>],
-    share: &'a F,
+/// Gradients, and the shares of them that come here.
+struct OfShares<'a> {
+    terms: &'a [(&'a [f32], f32)],
     dx: &'a mut [f32],
     accumulate: bool,
 }
 
-impl<F: Fn(usize) -> f32> Work for OfShares<'_, F> {
+impl Work for OfShares<'_> {
     #[inline(always)]
     unsafe fn run<S: Simd>(self) {
         for c in (0..self.dx.len()).step_by(S::LANES) {
             // SAFETY: all slices have the length of `dx`; the caller vouches for the instruction set
             unsafe {
                 let mut sum = if self.accumulate { load::<S>(self.dx, c) } else { S::splat(0.0) };
-                for Term { dy, pixel, .. } in self.terms {
-                    sum = load::<S>(dy, c).fma(S::splat((self.share)(*pixel)), sum);
+                for (dy, share) in self.terms {
+                    sum = load::<S>(dy, c).fma(S::splat(*share), sum);
                 }
                 store(sum, self.dx, c);
             }

@@ -15,8 +15,13 @@ use crate::kernel::map::{View, Window};
 use crate::kernel::simd::Isa;
 use crate::kernel::tile::{Tile, panels, tile_fn, tile_rows};
 
-/// About as many output pixels are worked on at a time: their tiles and panels stay in the second-level cache.
+/// About as many output pixels are worked on at a time: a panel and a tile of them stay in the first-level cache.
 const PIXELS: usize = 320;
+/// Floats of inputs that are copied together: with the panels they stay in the second-level cache, and long runs of
+/// them are read.
+const COPIED: usize = 1 << 17;
+/// Floats of a cache line.
+const LINE: usize = 16;
 /// Tasks for each thread, if there is more than one.
 const TASKS: usize = 2;
 
@@ -27,16 +32,19 @@ pub(super) struct WeightGradient<'a> {
     dy: View<'a>,
     /// Output rows of a block.
     block: usize,
-    /// A row of the window is taken as one tap with `window.width` · channels inputs.
+    /// A row of the window is one tap, with `window.width` · channels inputs that are contiguous in memory.
     joined: bool,
 }
 
 /// Copies of a block, and where its rows are.
 #[derive(Default)]
 struct Copies {
-    tiles: Buffer,
     panels: Buffer,
-    /// For each window row, output row of the block and row of a tile: where the inputs of that output row begin.
+    tiles: Buffer,
+    /// Floats of a tile.
+    tile_len: usize,
+    /// For each window row, output row of the block and row of a tile: where the inputs of that output row begin in the
+    /// first tile.
     table: Vec<*const f32>,
 }
 
@@ -44,7 +52,8 @@ impl<'a> WeightGradient<'a> {
     pub fn new(isa: Isa, window: Window, x: View<'a>, dy: View<'a>) -> Self {
         let block = (PIXELS / dy.shape.width.max(1)).max(1);
         // with few channels most rows of a tile would be empty
-        let joined = window.width > 1 && x.shape.channels < tile_rows(isa);
+        let few = window.width > 1 && x.shape.channels < tile_rows(isa);
+        let joined = few && window.pad.left + window.pad.right == 0 && x.stride == x.shape.channels;
         Self { isa, window, x, dy, block, joined }
     }
 
@@ -60,12 +69,8 @@ impl<'a> WeightGradient<'a> {
 
     /// Pixels of a row of copied inputs, and how far the inputs of neighbouring outputs are apart.
     fn copied_row(&self) -> (usize, usize) {
-        let width = self.dy.shape.width;
-        if self.joined {
-            (width, 1)
-        } else {
-            ((width - 1) * self.window.stride + self.window.width, self.window.stride)
-        }
+        let (width, Window { width: columns, stride, .. }) = (self.dy.shape.width, self.window);
+        if self.joined { (width, 1) } else { ((width - 1) * stride + columns, stride) }
     }
 
     /// Sums into the weights' gradients at `dw`, beginning at 0 or at what stands there.
@@ -86,17 +91,22 @@ impl<'a> WeightGradient<'a> {
     /// The gradients of some tiles of weights; unit u is tap u % taps of tile u / taps.
     fn task(&self, units: Range<usize>, copies: &mut Copies, dw: Shared, accumulate: bool) {
         let taps = self.window.height * self.columns();
-        let tiles = units.start / taps..units.end.div_ceil(taps);
         let rows = self.dy.shape.images * self.dy.shape.height;
         if rows * self.dy.shape.width == 0 && !accumulate {
             self.zero(units, dw);
             return;
         }
+        let together = (COPIED / (PIXELS * tile_rows(self.isa))).max(1);
         for first in (0..rows).step_by(self.block) {
             let block = first..rows.min(first + self.block);
             self.copy_gradients(block.clone(), &mut copies.panels);
-            let tile_len = self.copy_inputs(block.clone(), tiles.clone(), copies);
-            self.multiply(block, units.clone(), tiles.start, tile_len, copies, dw, accumulate || first > 0);
+            let end = units.end.div_ceil(taps);
+            for first_tile in (units.start / taps..end).step_by(together) {
+                let tiles = first_tile..end.min(first_tile + together);
+                self.copy_inputs(block.clone(), tiles.clone(), copies);
+                let units = units.start.max(tiles.start * taps)..units.end.min(tiles.end * taps);
+                self.multiply(block.len(), tiles.start, units, copies, dw, accumulate || first > 0);
+            }
         }
     }
 
@@ -117,21 +127,18 @@ impl<'a> WeightGradient<'a> {
         let width = self.dy.shape.width;
         let pixels = block.len() * width;
         to.resize(pixels * self.dy.shape.channels.next_multiple_of(self.isa.lanes()));
-        let mut rest = &mut to[..];
-        for (first, columns, vectors) in panels(self.isa, self.dy.shape.channels) {
-            let stride = vectors * self.isa.lanes();
-            let (panel, next) = rest.split_at_mut(pixels * stride);
-            for (p, row) in panel.chunks_exact_mut(stride).enumerate() {
-                row[..columns].copy_from_slice(&self.dy.pixel(block.start * width + p)[first..][..columns]);
-                row[columns..].fill(0.0);
+        let panels = panels(self.isa, self.dy.shape.channels);
+        for p in 0..pixels {
+            let dy = self.dy.pixel(block.start * width + p);
+            for &(first, columns, vectors) in &panels {
+                let stride = vectors * self.isa.lanes();
+                copy(&dy[first..][..columns], &mut to[pixels * first + p * stride..][..stride]);
             }
-            rest = next;
         }
     }
 
-    /// Copies the inputs of output rows `block` for some tiles, and fills the table for the first of them; returns how
-    /// far the tiles are apart.
-    fn copy_inputs(&self, block: Range<usize>, tiles: Range<usize>, copies: &mut Copies) -> usize {
+    /// Copies the inputs of output rows `block` for some tiles, and fills the table.
+    fn copy_inputs(&self, block: Range<usize>, tiles: Range<usize>, copies: &mut Copies) {
         let Window { height, stride, .. } = self.window;
         let rows = tile_rows(self.isa);
         let row_len = self.copied_row().0 * rows;
@@ -143,76 +150,61 @@ impl<'a> WeightGradient<'a> {
             (image, block.start.max(first) - first..block.end.min(first + out_height) - first)
         });
         let copied_rows = |part: &Range<usize>| (part.len() - 1) * stride + height;
-        let tile_len = parts.clone().map(|(_, part)| copied_rows(&part)).sum::<usize>() * row_len;
-        copies.tiles.resize(tile_len * tiles.len());
-        copies.table.clear();
+        let copied_floats = parts.clone().map(|(_, part)| copied_rows(&part)).sum::<usize>() * row_len;
+        // an odd number of cache lines, or the tiles would compete for few places of the first-level cache
+        copies.tile_len = (copied_floats.div_ceil(LINE) | 1) * LINE;
+        copies.tiles.resize(copies.tile_len * tiles.len());
         copies.table.resize(height * block.len() * rows, std::ptr::null());
         let (mut copied, mut done) = (0, 0);
         for (image, part) in parts {
             for row in 0..copied_rows(&part) {
                 let source = (part.start * stride + row).checked_sub(self.window.pad.top);
                 let source = source.filter(|y| *y < self.x.shape.height).map(|y| image * self.x.shape.height + y);
-                for (i, tile) in tiles.clone().enumerate() {
-                    let to = &mut copies.tiles[i * tile_len + (copied + row) * row_len..][..row_len];
-                    match source {
-                        Some(source) => self.copy_row(source, tile, to),
-                        None => to.fill(0.0),
-                    }
-                }
+                self.copy_row(source, tiles.clone(), &mut copies.tiles[(copied + row) * row_len..], copies.tile_len);
             }
             for ky in 0..height {
                 for y in 0..part.len() {
                     let begin = &copies.tiles[(copied + y * stride + ky) * row_len..];
-                    for r in 0..rows {
-                        copies.table[(ky * block.len() + done + y) * rows + r] = begin[r..].as_ptr();
+                    let entries = &mut copies.table[(ky * block.len() + done + y) * rows..][..rows];
+                    for (r, entry) in entries.iter_mut().enumerate() {
+                        *entry = begin[r..].as_ptr();
                     }
                 }
             }
             copied += copied_rows(&part);
             done += part.len();
         }
-        tile_len
     }
 
-    /// Copies one tile's inputs of an input row, with zeros where the window leaves the image or the tile the inputs.
-    fn copy_row(&self, source: usize, tile: usize, to: &mut [f32]) {
+    /// Copies an input row for some tiles, to `to` and every `tile_len` floats from there, with zeros where the window
+    /// leaves the image or a tile the inputs.
+    fn copy_row(&self, source: Option<usize>, tiles: Range<usize>, to: &mut [f32], tile_len: usize) {
+        let View { data, shape, stride } = self.x;
         let rows = tile_rows(self.isa);
-        let channels = self.x.shape.channels;
-        let (left, width) = (self.window.pad.left, self.x.shape.width);
-        let pixel = |column: usize| {
-            let column = column.checked_sub(left).filter(|c| *c < width)?;
-            Some(self.x.pixel(source * width + column))
-        };
-        let first = tile * rows;
-        if self.joined {
-            for (p, to) in to.chunks_exact_mut(rows).enumerate() {
-                for (r, to) in to.iter_mut().enumerate() {
-                    let input = first + r;
-                    let value = pixel(p * self.window.stride + input / channels).map(|x| x[input % channels]);
-                    *to = value.filter(|_| input < self.inputs()).unwrap_or(0.0);
+        // distance of copied pixels in memory, and how many there are
+        let (step, pixels) =
+            if self.joined { (self.window.stride * stride, self.dy.shape.width) } else { (stride, shape.width) };
+        let left = self.window.pad.left;
+        let deal = if rows == 8 { deal::<8> } else { deal::<6> };
+        let some = tiles.start * rows..self.inputs().min(tiles.end * rows);
+        for p in 0..self.copied_row().0 {
+            let to = &mut to[p * rows..];
+            match source.filter(|_| (left..left + pixels).contains(&p)) {
+                Some(source) => {
+                    let from = &data[source * shape.width * stride + (p - left) * step..];
+                    deal(&from[some.clone()], to, tile_len);
                 }
-            }
-            return;
-        }
-        let valid = rows.min(channels - first);
-        for (p, to) in to.chunks_exact_mut(rows).enumerate() {
-            match pixel(p) {
-                Some(x) => {
-                    to[..valid].copy_from_slice(&x[first..][..valid]);
-                    to[valid..].fill(0.0);
-                }
-                None => to.fill(0.0),
+                None => to.chunks_mut(tile_len).take(tiles.len()).for_each(|to| to[..rows].fill(0.0)),
             }
         }
     }
 
-    #[allow(clippy::too_many_arguments)]
+    /// Adds the products of a block's `block` rows to the gradients of some units; the first copied tile is `first_tile`.
     fn multiply(
         &self,
-        block: Range<usize>,
-        units: Range<usize>,
+        block: usize,
         first_tile: usize,
-        tile_len: usize,
+        units: Range<usize>,
         copies: &Copies,
         dw: Shared,
         resume: bool,
@@ -232,9 +224,9 @@ impl<'a> WeightGradient<'a> {
                 // the weights of this tap and tile are in `dw`, and no other task has them
                 unsafe {
                     kernel(&Tile {
-                        rows: copies.table[ky * block.len() * rows..].as_ptr(),
-                        taps: block.len(),
-                        offset: (tile - first_tile) * tile_len + kx * rows,
+                        rows: copies.table[ky * block * rows..].as_ptr(),
+                        taps: block,
+                        offset: (tile - first_tile) * copies.tile_len + kx * rows,
                         len: width,
                         step: self.copied_row().1 * rows,
                         panel: copies.panels[panel..].as_ptr(),
@@ -248,7 +240,37 @@ impl<'a> WeightGradient<'a> {
                     });
                 }
             }
-            panel += block.len() * width * vectors * lanes;
+            panel += block * width * vectors * lanes;
         }
+    }
+}
+
+/// Copies `from` to the front of `to` and fills the rest with zeros. In pieces of a fixed length, which need no call.
+#[inline(always)]
+fn copy(from: &[f32], to: &mut [f32]) {
+    const LEN: usize = 8;
+    let (front, rest) = to.split_at_mut(from.len());
+    let (from, from_end) = from.as_chunks::<LEN>();
+    let (to, to_end) = front.as_chunks_mut::<LEN>();
+    for (to, from) in to.iter_mut().zip(from) {
+        *to = *from;
+    }
+    for (to, from) in to_end.iter_mut().zip(from_end) {
+        *to = *from;
+    }
+    for to in rest {
+        *to = 0.0;
+    }
+}
+
+/// Deals `from` out, `N` floats at a time, to every `distance` floats of `to`; the last portion is filled up with zeros.
+fn deal<const N: usize>(from: &[f32], to: &mut [f32], distance: usize) {
+    let (whole, rest) = from.as_chunks::<N>();
+    let mut places = to.chunks_mut(distance);
+    for (from, to) in whole.iter().zip(&mut places) {
+        to[..N].copy_from_slice(from);
+    }
+    if let (false, Some(to)) = (rest.is_empty(), places.next()) {
+        copy(rest, &mut to[..N]);
     }
 }

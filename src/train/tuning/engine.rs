@@ -93,7 +93,9 @@ impl Engine for TuningEngine<'_> {
     }
 
     fn epoch_rows(&self, epoch: u32) -> Vec<u32> {
-        self.job.data.epoch_rows(self.job.train.augmentation_strength, self.job.seed, epoch)
+        let rows = self.job.data.epoch_rows(self.job.train.augmentation_strength, self.job.seed, epoch);
+        self.progress.begin("views", rows.len() as u64);
+        rows
     }
 
     fn gradients(&mut self, rows: &[u32], place: Place, share: f64) -> Result<f64, Error> {
@@ -121,6 +123,7 @@ impl Engine for TuningEngine<'_> {
             self.head.add_gradients(!anew);
             loss.backward()?;
         }
+        self.progress.advance(rows.len() as u64);
         Ok(value)
     }
 
@@ -160,6 +163,7 @@ impl Engine for TuningEngine<'_> {
             }
             outputs.extend(self.head.predict(&tuned.features(rows.len(), &self.fill(rows)))?);
         }
+        self.progress.end();
         Ok(outputs)
     }
 
