@@ -245,6 +245,7 @@ tiles! {
 /// # Panics
 /// If a slice is shorter than its shape says.
 pub fn transpose(rows: usize, columns: usize, from: &[f32], to: &mut [f32]) {
+    // as many as the floats of a cache line, so that lines are filled at once
     const SIDE: usize = 16;
     let (from, to) = (&from[..rows * columns], &mut to[..rows * columns]);
     for r0 in (0..rows).step_by(SIDE) {

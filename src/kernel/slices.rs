@@ -3,67 +3,104 @@
 //! Each element is computed with the same operations in the same order, whatever the width of vectors; sums run in a
 //! fixed number of lanes. So the bits are the same on every machine.
 
-use super::simd::Isa;
-
-/// Runs `work` in code compiled for `isa`, as far as the compiler puts it there: for loops over slices whose bodies
-/// are marked `inline(always)`. It changes the speed only.
+/// Makes a function over slices whose body is compiled for each instruction set; its first argument says which one runs.
 ///
-/// # Panics
-/// If the processor lacks the instruction set.
-pub fn compiled_for<R>(isa: Isa, work: impl FnOnce() -> R) -> R {
-    assert!(isa.supported(), "{isa:?} on a processor without it");
-    match isa {
-        // SAFETY: the processor has the instruction set
-        #[cfg(target_arch = "x86_64")]
-        Isa::Avx512 => unsafe { with_avx512(work) },
-        // SAFETY: as above
-        #[cfg(target_arch = "x86_64")]
-        Isa::Avx2 => unsafe { with_avx2(work) },
-        _ => work(),
-    }
+/// What the body calls in its loops must be `inline(always)`, or it is compiled without vectors.
+macro_rules! per_isa {
+    ($($(#[$doc:meta])* $access:vis fn $name:ident($($argument:ident: $type:ty),*) $(-> $result:ty)? $body:block)*) => {$(
+        $(#[$doc])*
+        $access fn $name(isa: $crate::kernel::Isa, $($argument: $type),*) $(-> $result)? {
+            use $crate::kernel::Isa;
+            #[inline(always)]
+            fn any($($argument: $type),*) $(-> $result)? $body
+            #[cfg(target_arch = "x86_64")]
+            #[target_feature(enable = "avx512f,avx2,fma")]
+            fn avx512($($argument: $type),*) $(-> $result)? {
+                any($($argument),*)
+            }
+            #[cfg(target_arch = "x86_64")]
+            #[target_feature(enable = "avx2,fma")]
+            fn avx2($($argument: $type),*) $(-> $result)? {
+                any($($argument),*)
+            }
+            assert!(isa.supported(), "{isa:?} on a processor without it");
+            match isa {
+                // SAFETY: the processor has the instruction set
+                #[cfg(target_arch = "x86_64")]
+                Isa::Avx512 => unsafe { avx512($($argument),*) },
+                // SAFETY: as above
+                #[cfg(target_arch = "x86_64")]
+                Isa::Avx2 => unsafe { avx2($($argument),*) },
+                _ => any($($argument),*),
+            }
+        }
+    )*};
 }
+pub(crate) use per_isa;
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx2,fma")]
-fn with_avx512<R>(work: impl FnOnce() -> R) -> R {
-    work()
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma")]
-fn with_avx2<R>(work: impl FnOnce() -> R) -> R {
-    work()
-}
-
-/// 1/(1 + exp(−x)) of each element, in place, within 2.5 units in the last place, or 3e-39; a NaN stays one.
-pub fn sigmoid(isa: Isa, values: &mut [f32]) {
-    compiled_for(isa, || values.iter_mut().for_each(|x| *x = sigmoid_of(*x)));
-}
-
-/// tanh of each element, in place, within four units in the last place; a NaN stays one.
-pub fn tanh(isa: Isa, values: &mut [f32]) {
-    compiled_for(isa, || values.iter_mut().for_each(|x| *x = tanh_of(*x)));
-}
-
-/// Sum of squares, in the same order with any instruction set.
-pub fn sum_of_squares(isa: Isa, values: &[f32]) -> f64 {
-    compiled_for(isa, || squares(values))
-}
-
-#[inline(always)]
-fn squares(values: &[f32]) -> f64 {
-    const LANES: usize = 16;
-    let mut lanes = [0.0; LANES];
-    let (whole, rest) = values.as_chunks::<LANES>();
-    for chunk in whole {
-        for (lane, x) in lanes.iter_mut().zip(chunk) {
-            *lane += f64::from(*x) * f64::from(*x);
+per_isa! {
+    /// 1/(1 + exp(−x)) of each element, in place, within 2.5 units in the last place, or 3e-39; a NaN stays one.
+    pub fn sigmoid(values: &mut [f32]) {
+        for x in values {
+            *x = sigmoid_of(*x);
         }
     }
-    for (lane, x) in lanes.iter_mut().zip(rest) {
-        *lane += f64::from(*x) * f64::from(*x);
+
+    /// tanh of each element, in place, within four units in the last place; a NaN stays one.
+    pub fn tanh(values: &mut [f32]) {
+        for x in values {
+            *x = tanh_of(*x);
+        }
     }
-    lanes.iter().sum()
+
+    /// Multiplies each element by a factor of its own.
+    pub fn times(values: &mut [f32], factors: &[f32]) {
+        for (x, factor) in values.iter_mut().zip(factors) {
+            *x *= factor;
+        }
+    }
+
+    /// Adds the rows that `rows` consists of to `sums`, one after the other.
+    pub fn add_rows(sums: &mut [f32], rows: &[f32]) {
+        for row in rows.chunks_exact(sums.len()) {
+            for (sum, x) in sums.iter_mut().zip(row) {
+                *sum += x;
+            }
+        }
+    }
+
+    /// Sum of squares, in the same order with any instruction set.
+    pub fn sum_of_squares(values: &[f32]) -> f64 {
+        const LANES: usize = 16;
+        let mut lanes = [0.0; LANES];
+        let (whole, rest) = values.as_chunks::<LANES>();
+        for chunk in whole {
+            for (lane, x) in lanes.iter_mut().zip(chunk) {
+                *lane += f64::from(*x) * f64::from(*x);
+            }
+        }
+        for (lane, x) in lanes.iter_mut().zip(rest) {
+            *lane += f64::from(*x) * f64::from(*x);
+        }
+        lanes.iter().sum()
+    }
+}
+
+/// 1/√x for 1e-37 ≤ x ≤ 1e37, within 1e-6; finite for x = 0 and not for what is infinite or no number.
+///
+/// Newton's method: a processor's own division and square root take longer than a loop around them.
+#[inline(always)]
+pub fn inverse_root(x: f32) -> f32 {
+    let half = 0.5 * x;
+    let guess = f32::from_bits(0x5f37_59df_u32.wrapping_sub(x.to_bits() >> 1));
+    (0..3).fold(guess, |y, _| y * (-half * y).mul_add(y, 1.5))
+}
+
+/// 1/x for 1e-37 ≤ x ≤ 1e37, within 1e-6; not finite for what is infinite or no number.
+#[inline(always)]
+pub fn inverse(x: f32) -> f32 {
+    let guess = f32::from_bits(0x7ef3_11c7_u32.wrapping_sub(x.to_bits()));
+    (0..3).fold(guess, |y, _| y * (-x).mul_add(y, 2.0))
 }
 
 #[inline(always)]
@@ -119,6 +156,7 @@ fn exponential(x: f32) -> (i32, f32) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::kernel::Isa;
     use crate::rng::stream;
 
     /// Every 997th float of each sign, from 0 to beyond what is finite.
@@ -143,6 +181,17 @@ mod tests {
             worst_tanh = worst_tanh.max(off_by(tanh_of(x), libm::tanh(f64::from(x))));
         }
         assert!(worst_sigmoid < 2.5 && worst_tanh < 4.0, "{worst_sigmoid} {worst_tanh}");
+    }
+
+    #[test]
+    fn newtons_method_has_converged() {
+        for x in floats().filter(|x| (1e-37..1e37).contains(x)) {
+            let exact = f64::from(x);
+            assert!((f64::from(inverse(x)) * exact - 1.0).abs() < 1e-6, "1/{x}");
+            assert!((f64::from(inverse_root(x)) * exact.sqrt() - 1.0).abs() < 1e-6, "1/√{x}");
+        }
+        assert!(inverse_root(0.0).is_finite());
+        assert!([f32::INFINITY, f32::NAN].iter().all(|x| !inverse(*x).is_finite() && !inverse_root(*x).is_finite()));
     }
 
     #[test]

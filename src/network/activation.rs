@@ -1,13 +1,13 @@
 //! Activation functions and their slopes, on slices.
 
 use crate::config::spec::Activation;
-use crate::kernel::{compiled_for, isa, sigmoid, tanh};
+use crate::kernel::{isa, per_isa, sigmoid, tanh};
 
 /// Applies `activation` in place; a NaN stays one, so that a broken network does not look like a silent one.
 pub(crate) fn activate(activation: Activation, z: &mut [f32]) {
     match activation {
         Activation::Linear => {}
-        Activation::Relu => compiled_for(isa(), || z.iter_mut().for_each(|z| *z = if *z <= 0.0 { 0.0 } else { *z })),
+        Activation::Relu => relu(isa(), z),
         Activation::Sigmoid => sigmoid(isa(), z),
         Activation::Tanh => tanh(isa(), z),
     }
@@ -15,12 +15,37 @@ pub(crate) fn activate(activation: Activation, z: &mut [f32]) {
 
 /// Multiplies `gradient` by the slope of `activation` where it has the value `y`.
 pub(crate) fn times_slope(activation: Activation, y: &[f32], gradient: &mut [f32]) {
-    let pairs = gradient.iter_mut().zip(y);
     match activation {
         Activation::Linear => {}
-        Activation::Relu => compiled_for(isa(), || pairs.for_each(|(g, y)| *g *= if *y > 0.0 { 1.0 } else { 0.0 })),
-        Activation::Sigmoid => compiled_for(isa(), || pairs.for_each(|(g, y)| *g *= y * (1.0 - y))),
-        Activation::Tanh => compiled_for(isa(), || pairs.for_each(|(g, y)| *g *= 1.0 - y * y)),
+        Activation::Relu => relu_slope(isa(), y, gradient),
+        Activation::Sigmoid => sigmoid_slope(isa(), y, gradient),
+        Activation::Tanh => tanh_slope(isa(), y, gradient),
+    }
+}
+
+per_isa! {
+    fn relu(z: &mut [f32]) {
+        for z in z {
+            *z = if *z <= 0.0 { 0.0 } else { *z };
+        }
+    }
+
+    fn relu_slope(y: &[f32], gradient: &mut [f32]) {
+        for (g, y) in gradient.iter_mut().zip(y) {
+            *g *= if *y > 0.0 { 1.0 } else { 0.0 };
+        }
+    }
+
+    fn sigmoid_slope(y: &[f32], gradient: &mut [f32]) {
+        for (g, y) in gradient.iter_mut().zip(y) {
+            *g *= y * (1.0 - y);
+        }
+    }
+
+    fn tanh_slope(y: &[f32], gradient: &mut [f32]) {
+        for (g, y) in gradient.iter_mut().zip(y) {
+            *g *= 1.0 - y * y;
+        }
     }
 }
 

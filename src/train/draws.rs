@@ -4,7 +4,7 @@
 
 use super::TrainingData;
 use super::engine::Place;
-use crate::kernel::{compiled_for, isa};
+use crate::kernel::{isa, per_isa};
 use crate::rng::stream;
 
 /// Scope of all streams of a training.
@@ -36,10 +36,16 @@ pub(super) fn dropout_mask(seed: u64, place: Place, layer: usize, share: f64, ma
     let mut bytes = [0; 2 * HALVES];
     for mask in mask.chunks_mut(HALVES) {
         words.fill(&mut bytes[..2 * mask.len().next_multiple_of(2)]);
-        let halves = bytes.as_chunks().0.iter().map(|half| u32::from(u16::from_le_bytes(*half)));
-        compiled_for(isa(), || {
-            mask.iter_mut().zip(halves).for_each(|(m, half)| *m = if half < threshold { factor } else { 0.0 });
-        });
+        decide(isa(), mask, bytes.as_chunks().0, threshold, factor);
+    }
+}
+
+per_isa! {
+    /// `factor` where a half word is below `threshold`, else 0.
+    fn decide(mask: &mut [f32], halves: &[[u8; 2]], threshold: u32, factor: f32) {
+        for (m, half) in mask.iter_mut().zip(halves) {
+            *m = if u32::from(u16::from_le_bytes(*half)) < threshold { factor } else { 0.0 };
+        }
     }
 }
 

@@ -2,20 +2,24 @@
 //!
 //! Everything is computed by the same chains as [`candle`](super::candle) computes it, so both give the same bits.
 
+use std::ops::Range;
+
 use super::engine::{Engine, Group, Place, TensorMut};
 use super::head::Job;
 use super::{Error, TrainingData, draws};
 use crate::config::spec::Activation;
-use crate::kernel::{Buffer, Mat, Start, compiled_for, isa, product, transpose};
+use crate::kernel::{Buffer, Mat, Start, add_rows, isa, product, times, transpose};
 use crate::network::{Coding, Head, activate, mean_loss, read, scaled_gradient, times_slope};
 use crate::store::Hash;
 
 /// Validation rows that are worked on at a time.
 const BLOCK_ROWS: usize = 256;
+/// Weights whose gradient is computed at a time, at least.
+const PIECE: usize = 8192;
 /// Floats between the rows of a batch: without them, rows of 2048 features would share the sets of a cache.
 const GAP: usize = 16;
 
-/// A head, its gradients, and the rows that it is trained on.
+/// A head, and the rows that it is trained on.
 pub(super) struct FusedHead<'a> {
     job: &'a Job<'a>,
     /// Gives the head its first parameters, and takes its last.
@@ -24,10 +28,10 @@ pub(super) struct FusedHead<'a> {
     /// Coded labels of all training rows.
     targets: Vec<[f32; 2]>,
     batch: Batch,
-    /// Gradient of the loss by a layer's output, then by its input.
-    flow: [Buffer; 2],
     /// A layer's weights, transposed.
     transposed: Buffer,
+    /// The gradient of a piece of a layer's weights.
+    piece: Buffer,
 }
 
 /// The rows of a step, or of a part of one.
@@ -67,6 +71,7 @@ struct Layer {
     weight: Buffer,
     /// `[units]`.
     bias: Buffer,
+    /// Gradient by the weights, if it is summed over the parts of a batch; else it is computed when it is used.
     weight_gradient: Buffer,
     bias_gradient: Buffer,
     /// Activations of the rows under way, `[n × units]`.
@@ -74,6 +79,8 @@ struct Layer {
     /// Their dropout mask, and what it leaves of them; only with dropout.
     mask: Buffer,
     dropped: Buffer,
+    /// Gradient by the layer's output, then by x·w + b.
+    flow: Buffer,
 }
 
 impl Layer {
@@ -94,7 +101,7 @@ impl Layer {
         self.dropped.resize(self.activations.len());
         draws::dropout_mask(seed, place, layer, self.dropout, &mut self.mask);
         self.dropped.copy_from_slice(&self.activations);
-        times(&mut self.dropped, &self.mask);
+        times(isa(), &mut self.dropped, &self.mask);
     }
 
     /// What the next layer sees of `n` rows in training.
@@ -102,34 +109,25 @@ impl Layer {
         Mat::rows(if self.dropout == 0.0 { &self.activations } else { &self.dropped }, self.units)
     }
 
-    /// Turns the gradient by the layer's output into that by x·w + b, and leaves those of weights and biases;
-    /// `add` them to what is there or replace it.
-    fn backward(&mut self, x: Mat, n: usize, gradient: &mut [f32], add: bool) {
+    /// Turns the gradient by the layer's output into that by x·w + b, and leaves that by the biases: added to what is
+    /// there or instead of it.
+    fn backward(&mut self, add: bool) {
         if self.dropout > 0.0 {
-            times(gradient, &self.mask);
+            times(isa(), &mut self.flow, &self.mask);
         }
-        times_slope(self.activation, &self.activations, gradient);
+        times_slope(self.activation, &self.activations, &mut self.flow);
         if !add {
             self.bias_gradient.fill(0.0);
         }
-        add_rows(gradient, &mut self.bias_gradient);
-        let start = if add { Start::Output } else { Start::Zero };
-        product(self.inputs, self.units, n, x.t(), gradient, self.units, start, &mut self.weight_gradient);
+        add_rows(isa(), &mut self.bias_gradient, &self.flow);
     }
-}
 
-/// Multiplies each value by a factor of its own.
-fn times(values: &mut [f32], factors: &[f32]) {
-    compiled_for(isa(), || values.iter_mut().zip(factors).for_each(|(x, f)| *x *= f));
-}
-
-/// Adds the rows that `rows` consists of to `sums`, one after the other.
-fn add_rows(rows: &[f32], sums: &mut [f32]) {
-    compiled_for(isa(), || {
-        for row in rows.chunks_exact(sums.len()) {
-            sums.iter_mut().zip(row).for_each(|(sum, x)| *sum += x);
-        }
-    });
+    /// Gradient by the weights of `inputs`, from the layer's inputs `x`.
+    fn by_weights(&self, x: Mat, inputs: Range<usize>, start: Start, gradient: &mut [f32]) {
+        let n = self.flow.len() / self.units;
+        let x = Mat { data: &x.data[inputs.start * x.col_stride..], ..x };
+        product(inputs.len(), self.units, n, x.t(), &self.flow, self.units, start, gradient);
+    }
 }
 
 impl<'a> FusedHead<'a> {
@@ -139,12 +137,12 @@ impl<'a> FusedHead<'a> {
         let head = Head::new(job.network, job.coding, data.standardisation().clone(), job.seed)?;
         Ok(Self {
             job,
-            layers: layers(&head)?,
+            layers: layers(&head, job.train.accumulate > 1)?,
             head,
             targets: data.train_labels().iter().map(|label| job.coding.encode(label.0, label.1)).collect(),
             batch: Batch::default(),
-            flow: Default::default(),
             transposed: Buffer::default(),
+            piece: Buffer::default(),
         })
     }
 
@@ -167,24 +165,33 @@ impl<'a> FusedHead<'a> {
         }
     }
 
-    /// Gradients of all layers, from the one by the outputs in `flow[0]`.
+    /// Gradients of all layers, from the one by the outputs, which stands in the last layer's flow.
     fn backward(&mut self, n: usize, add: bool) {
-        let dim = self.job.data.dim();
         for i in (0..self.layers.len()).rev() {
             let (before, rest) = self.layers.split_at_mut(i);
             let layer = &mut rest[0];
-            let [by_output, by_input] = &mut self.flow;
-            let x = before.last().map_or_else(|| self.batch.mat(dim), Layer::output);
-            layer.backward(x, n, by_output, add);
-            if i > 0 {
+            layer.backward(add);
+            if let Some(before) = before.last_mut() {
                 let (inputs, units) = (layer.inputs, layer.units);
                 self.transposed.resize(inputs * units);
                 transpose(inputs, units, &layer.weight, &mut self.transposed);
-                by_input.resize(n * inputs);
-                let by_sum = Mat::rows(by_output, units);
-                product(n, inputs, units, by_sum, &self.transposed, inputs, Start::Zero, by_input);
-                self.flow.swap(0, 1);
+                before.flow.resize(n * inputs);
+                let by_sums = Mat::rows(&layer.flow, units);
+                product(n, inputs, units, by_sums, &self.transposed, inputs, Start::Zero, &mut before.flow);
             }
+        }
+    }
+
+    /// Sums up the gradients by weights over the parts of a batch.
+    fn sum_by_weights(&mut self, add: bool) {
+        let start = if add { Start::Output } else { Start::Zero };
+        let dim = self.job.data.dim();
+        for i in 0..self.layers.len() {
+            let (before, rest) = self.layers.split_at_mut(i);
+            let x = before.last().map_or_else(|| self.batch.mat(dim), Layer::output);
+            let mut gradient = std::mem::take(&mut rest[0].weight_gradient);
+            rest[0].by_weights(x, 0..rest[0].inputs, start, &mut gradient);
+            rest[0].weight_gradient = gradient;
         }
     }
 
@@ -204,7 +211,7 @@ impl<'a> FusedHead<'a> {
     }
 }
 
-fn layers(head: &Head) -> Result<Vec<Layer>, Error> {
+fn layers(head: &Head, in_parts: bool) -> Result<Vec<Layer>, Error> {
     let layer = |layer: &crate::network::Layer| {
         let (inputs, units) = layer.weight.dims2()?;
         let copy = |values: &[f32]| Buffer::from(values);
@@ -216,11 +223,12 @@ fn layers(head: &Head) -> Result<Vec<Layer>, Error> {
             names: layer.parameter_names(),
             weight: read(&layer.weight, copy)?,
             bias: read(&layer.bias, copy)?,
-            weight_gradient: Buffer::zeros(inputs * units),
+            weight_gradient: Buffer::zeros(if in_parts { inputs * units } else { 0 }),
             bias_gradient: Buffer::zeros(units),
             activations: Buffer::default(),
             mask: Buffer::default(),
             dropped: Buffer::default(),
+            flow: Buffer::default(),
         })
     };
     head.layers().iter().map(layer).collect()
@@ -236,31 +244,60 @@ impl Engine for FusedHead<'_> {
     }
 
     fn gradients(&mut self, rows: &[u32], place: Place, share: f64) -> Result<f64, Error> {
-        let loss = self.job.train.loss;
+        let train = self.job.train;
         self.batch.gather(self.job.data, &self.targets, rows);
         self.forward(rows.len(), place);
-        let (Some(outputs), targets) = (self.layers.last().map(|l| &l.activations), &self.batch.targets) else {
-            return Ok(f64::NAN);
-        };
-        let value = mean_loss(loss, outputs, targets);
-        self.flow[0].resize(outputs.len());
-        scaled_gradient(loss, outputs, targets, share, &mut self.flow[0]);
-        if value.is_finite() {
+        let targets = &self.batch.targets;
+        let Some(Layer { activations: outputs, flow, .. }) = self.layers.last_mut() else { return Ok(0.0) };
+        let loss = mean_loss(train.loss, outputs, targets);
+        flow.resize(outputs.len());
+        scaled_gradient(train.loss, outputs, targets, share, flow);
+        if loss.is_finite() {
             self.backward(rows.len(), place.part > 0);
+            if train.accumulate > 1 {
+                self.sum_by_weights(place.part > 0);
+            }
         }
-        Ok(value)
+        Ok(loss)
     }
 
     fn tensors(&mut self, visit: &mut dyn FnMut(TensorMut<'_>)) -> Result<(), Error> {
         for layer in &mut self.layers {
             let [weight, bias] = &layer.names;
-            let parts = [
-                (weight, &mut layer.weight, &layer.weight_gradient, true),
-                (bias, &mut layer.bias, &layer.bias_gradient, false),
-            ];
-            for (name, values, gradient, decays) in parts {
-                visit(TensorMut { name, values, gradient, decays, group: Group::Head });
+            let gradient = &[];
+            visit(TensorMut { name: weight, values: &mut layer.weight, gradient, decays: true, group: Group::Head });
+            visit(TensorMut { name: bias, values: &mut layer.bias, gradient, decays: false, group: Group::Head });
+        }
+        Ok(())
+    }
+
+    /// Gradients by weights come in pieces that are used while they are in the first-level cache.
+    fn updates(&mut self, visit: &mut dyn FnMut(TensorMut<'_>)) -> Result<(), Error> {
+        let (group, dim) = (Group::Head, self.job.data.dim());
+        let in_parts = self.job.train.accumulate > 1;
+        for i in 0..self.layers.len() {
+            let (before, rest) = self.layers.split_at_mut(i);
+            let x = before.last().map_or_else(|| self.batch.mat(dim), Layer::output);
+            let layer = &mut rest[0];
+            let rows = if in_parts { layer.inputs } else { (PIECE / layer.units).next_multiple_of(8) };
+            for begin in (0..layer.inputs).step_by(rows) {
+                let inputs = begin..layer.inputs.min(begin + rows);
+                let values = begin * layer.units..inputs.end * layer.units;
+                if !in_parts {
+                    self.piece.resize(values.len());
+                    layer.by_weights(x, inputs, Start::Zero, &mut self.piece);
+                }
+                let gradient = if in_parts { &layer.weight_gradient } else { &self.piece };
+                visit(TensorMut {
+                    name: &layer.names[0],
+                    values: &mut layer.weight[values],
+                    gradient,
+                    decays: true,
+                    group,
+                });
             }
+            let (name, gradient) = (&layer.names[1], &layer.bias_gradient);
+            visit(TensorMut { name, values: &mut layer.bias, gradient, decays: false, group });
         }
         Ok(())
     }

@@ -1,13 +1,13 @@
 //! Adam and SGD with momentum, with decoupled weight decay.
 //!
 //! candle's optimisers keep their state to themselves, so a training could not be resumed to the same
-//! bits; and its SGD has no momentum. These go over parameters, gradients and state in one pass, with
-//! separate roundings of products and sums, so that every vector width gives the same bits.
+//! bits; and its SGD has no momentum. These go over parameters, gradients and state in one pass, with the same
+//! operations whatever the width of vectors.
 
 use super::Error;
 use super::engine::{Engine, Group, TensorMut};
 use crate::config::spec::{Optimizer, TrainSpec};
-use crate::kernel::{Isa, compiled_for, isa, sum_of_squares};
+use crate::kernel::{inverse, inverse_root, isa, per_isa, sum_of_squares};
 
 const BETA_1: f64 = 0.9;
 const BETA_2: f64 = 0.999;
@@ -82,7 +82,7 @@ impl State {
         let [head, backbone] = [head, backbone].map(|rate| (self.rule(rate), (1.0 - rate * self.weight_decay) as f32));
         let (mut first, mut second) = (&mut self.first[..], &mut self.second[..]);
         let mut finite = true;
-        engine.tensors(&mut |TensorMut { values, gradient, decays, group, .. }| {
+        engine.updates(&mut |TensorMut { values, gradient, decays, group, .. }| {
             let first = split_first(&mut first, values.len());
             let second = split_first(&mut second, values.len());
             let (rule, keep) = if group == Group::Head { head } else { backbone };
@@ -99,7 +99,7 @@ impl State {
             return Ok(1.0);
         }
         let mut squares = 0.0;
-        engine.tensors(&mut |tensor| squares += sum_of_squares(isa(), tensor.gradient))?;
+        engine.updates(&mut |tensor| squares += sum_of_squares(isa(), tensor.gradient))?;
         let norm = squares.sqrt();
         Ok(if norm <= self.clip_norm { 1.0 } else { (self.clip_norm / norm) as f32 })
     }
@@ -124,22 +124,27 @@ fn split_first<'a>(rest: &mut &'a mut [f32], n: usize) -> &'a mut [f32] {
     first
 }
 
-/// One step, in place; `false` if a parameter is no longer finite.
-fn update(isa: Isa, step: Step, p: &mut [f32], g: &[f32], first: &mut [f32], second: &mut [f32]) -> bool {
-    compiled_for(isa, || match step.rule {
-        Rule::Adam { rate, root } => adam([rate, root], step, p, g, first, second),
-        Rule::Sgd { rate, momentum } => sgd([rate, momentum], step, p, g, first),
-    })
+per_isa! {
+    /// One step, in place; `false` if a parameter is no longer finite.
+    fn update(step: Step, p: &mut [f32], g: &[f32], first: &mut [f32], second: &mut [f32]) -> bool {
+        match step.rule {
+            Rule::Adam { rate, root } => adam([rate, root], step, p, g, first, second),
+            Rule::Sgd { rate, momentum } => sgd([rate, momentum], step, p, g, first),
+        }
+    }
 }
 
-/// 1 if `x` is infinite or NaN (all bits of its exponent are set), else 0.
+/// Bits of infinity; those of a NaN without its sign are above it.
+const INFINITE: u32 = 0x7f80_0000;
+
+/// The bits of |x|, which are in the order of the values.
 #[inline(always)]
-fn broken(x: f32) -> u32 {
-    const EXPONENT: u32 = 0x7f80_0000;
-    u32::from(x.to_bits() & EXPONENT == EXPONENT)
+fn size_bits(x: f32) -> u32 {
+    x.to_bits() & 0x7fff_ffff
 }
 
-/// Kingma and Ba 2015, algorithm 1, with both bias corrections.
+/// Kingma and Ba 2015, algorithm 1, with both bias corrections. Where the square of a gradient is no finite number, the
+/// parameter becomes none.
 #[inline(always)]
 fn adam(
     [rate, root]: [f32; 2],
@@ -153,15 +158,16 @@ fn adam(
     const C1: f32 = (1.0 - BETA_1) as f32;
     const B2: f32 = BETA_2 as f32;
     const C2: f32 = (1.0 - BETA_2) as f32;
-    let mut any_broken = 0;
+    let mut largest = 0;
     for (((p, g), m), v) in p.iter_mut().zip(g).zip(m).zip(v) {
         let g = scale * g;
-        *m = B1 * *m + C1 * g;
-        *v = B2 * *v + C2 * (g * g);
-        *p = keep * *p - rate * *m / (v.sqrt() * root + EPSILON);
-        any_broken |= broken(*p);
+        *m = B1.mul_add(*m, C1 * g);
+        *v = (C2 * g).mul_add(g, B2 * *v);
+        let size = (*v * inverse_root(*v)).mul_add(root, EPSILON);
+        *p = (-rate * *m).mul_add(inverse(size), keep * *p);
+        largest = largest.max(size_bits(*p));
     }
-    any_broken == 0
+    largest < INFINITE
 }
 
 /// Velocity = momentum · velocity + gradient; parameter −= rate · velocity.
@@ -173,18 +179,19 @@ fn sgd(
     g: &[f32],
     velocity: &mut [f32],
 ) -> bool {
-    let mut any_broken = 0;
+    let mut largest = 0;
     for ((p, g), v) in p.iter_mut().zip(g).zip(velocity) {
-        *v = momentum * *v + scale * g;
-        *p = keep * *p - rate * *v;
-        any_broken |= broken(*p);
+        *v = momentum.mul_add(*v, scale * g);
+        *p = (-rate).mul_add(*v, keep * *p);
+        largest = largest.max(size_bits(*p));
     }
-    any_broken == 0
+    largest < INFINITE
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::kernel::Isa;
     use crate::rng::stream;
 
     fn draws(n: usize, index: u64) -> Vec<f32> {
