@@ -313,20 +313,26 @@ mod tests {
     #[test]
     #[ignore = "a measurement"]
     fn speed() {
-        for (m, n, k, transposed) in
-            [(64, 128, 2048, false), (2048, 128, 64, true), (64, 128, 128, false), (128, 128, 64, true), (64, 512, 512, false)]
-        {
+        for (m, n, k, transposed) in [
+            (64, 128, 2048, false),
+            (2048, 128, 64, true),
+            (64, 128, 128, false),
+            (128, 128, 64, true),
+            (64, 512, 512, false),
+        ] {
             let stride = if transposed { m } else { k } + 16;
             let (a, b) = (values(stride * m.max(k), 1), values(k * n, 2));
             let a = if transposed { Mat::rows(&a, stride).t() } else { Mat::rows(&a, stride) };
             let mut c = vec![0.0; m * n];
             for isa in [Isa::Avx512, Isa::Avx2].into_iter().filter(|i| i.supported()) {
                 let mut best = |work: &mut dyn FnMut(&mut [f32])| {
-                    (0..200).map(|_| {
-                        let start = std::time::Instant::now();
-                        work(&mut c);
-                        start.elapsed().as_secs_f64()
-                    }).fold(f64::INFINITY, f64::min)
+                    (0..200)
+                        .map(|_| {
+                            let start = std::time::Instant::now();
+                            work(&mut c);
+                            start.elapsed().as_secs_f64()
+                        })
+                        .fold(f64::INFINITY, f64::min)
                 };
                 let ours = best(&mut |c| product_with(isa, m, n, k, a, &b, n, Start::Zero, c));
                 let other = best(&mut |c| matmul_with(isa, m, n, k, a, Mat::rows(&b, n), c, false));

@@ -2,11 +2,7 @@
 
 use super::Rules;
 use crate::config::error::choice_hint;
-use crate::config::spec::{
-    Activation, Architecture, BackboneSpec, BaselineSpec, LayerSpec, NetworkKind, NetworkSpec, Tune,
-};
-
-const ONE_BACKBONE: &str = "needs training through the backbone, which this version does not do";
+use crate::config::spec::{Activation, Architecture, BackboneSpec, BaselineSpec, LayerSpec, NetworkSpec, Tune};
 
 pub(super) fn backbone(rules: &mut Rules<'_>, spec: &BackboneSpec) {
     if let (Tune::Last(n), "seeded") = (spec.tune, spec.weights.as_str()) {
@@ -65,11 +61,6 @@ fn is_inner_block(architecture: Architecture, tap: &str) -> bool {
 }
 
 pub(super) fn network(rules: &mut Rules<'_>, spec: &NetworkSpec) {
-    if spec.kind != NetworkKind::SingleNet {
-        let name = if spec.kind == NetworkKind::DualNet { "dual_net" } else { "seq_net" };
-        let message = format!("`network.kind: {name}` {ONE_BACKBONE}");
-        rules.refuse("network.kind", message, "write `kind: single_net`: one network with two outputs");
-    }
     layers(rules, "network.layers", &spec.layers);
 }
 

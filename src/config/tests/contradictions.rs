@@ -102,11 +102,6 @@ fn contradictions_that_rules_find() {
             "mirror: true",
         ),
         (
-            "seed: 1\nnetwork: {kind: dual_net}\n",
-            "study.yaml:2:17: `network.kind: dual_net` needs training through the backbone, which this version does not do",
-            "single_net",
-        ),
-        (
             "seed: 1\nbackbone: {taps: [mixed_5b, mixed_6x]}\n",
             "study.yaml:2:29: inception_v3 has no block `mixed_6x`",
             "did you mean `mixed_6",
