@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::{Error, Options};
-use crate::backbone::WeightsSource;
+use crate::backbone::{Backbone, WeightsSource};
 use crate::config::spec::{BackboneSpec, Experiment, NetworkSpec, TrainSpec};
 use crate::dataset::{Dataset, Subset, View};
 use crate::evaluate::{self, Arm, Prediction};
@@ -29,7 +29,7 @@ pub(super) struct Training<'a> {
 /// On what networks are trained.
 pub(super) enum Material<'a> {
     /// Heads, on features that are computed once.
-    Features { data: TrainingData, features: &'a FeatureSet },
+    Features { data: TrainingData, features: &'a FeatureSet, backbone: &'a Backbone },
     /// Backbones with their heads, on views.
     Views { backbone: &'a BackboneSpec, weights: WeightsSource, data: TuningData<'a>, images: Images<'a> },
 }
@@ -113,6 +113,29 @@ impl Training<'_> {
             (Network::Tuned(tuned), Material::Views { images, .. }) => of_tuned(tuned, views, *images),
             _ => unreachable!("a run's networks are all of one kind"),
         }
+    }
+}
+
+impl Training<'_> {
+    /// Estimates f and ξ for the views `rows`, whose images are there already: each network of a DualNet or a SeqNet
+    /// runs its own backbone, as it would alone.
+    pub(super) fn estimate(&self, network: &Network, rows: &[FeatureRow], images: &[Vec<u8>]) -> Result<(), Error> {
+        match (network, &self.material) {
+            (Network::Heads(heads), Material::Features { features, backbone, .. }) => {
+                for _ in heads.heads() {
+                    backbone.features(&images.concat(), images.len());
+                }
+                let row = |row: &FeatureRow| features.rows().iter().position(|r| r == row);
+                let rows: Vec<f32> = rows.iter().filter_map(row).flat_map(|i| features.row(i)).copied().collect();
+                heads.estimate(&rows).map_err(train::Error::from)?;
+            }
+            (Network::Tuned(tuned), _) => {
+                let image = |row| rows.iter().position(|r| *r == row).map_or_else(Vec::new, |i| images[i].clone());
+                tuned.estimate(rows, &image)?;
+            }
+            _ => unreachable!("a run's networks are all of one kind"),
+        }
+        Ok(())
     }
 }
 
