@@ -24,8 +24,9 @@ pub(crate) struct Layer {
     pub weight: Var,
     /// `[units]`.
     pub bias: Var,
-    activation: Activation,
-    dropout: f64,
+    pub activation: Activation,
+    /// Share of activations that are dropped.
+    pub dropout: f64,
     gradient: Arc<Mutex<Gradient>>,
 }
 
@@ -50,6 +51,11 @@ impl Layer {
             dropout,
             gradient: Arc::default(),
         })
+    }
+
+    /// Names of weights and biases.
+    pub(crate) fn parameter_names(&self) -> [String; 2] {
+        ["weight", "bias"].map(|part| format!("{}.{part}", self.name))
     }
 
     fn operation(&self) -> Dense {

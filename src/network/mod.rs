@@ -5,6 +5,7 @@
 //! chain rule are candle's; products and sums run through [`kernel`](crate::kernel), so that a head's
 //! outputs and gradients have the same bits on every machine.
 
+mod activation;
 mod coding;
 mod dense;
 mod file;
@@ -16,12 +17,14 @@ mod standardise;
 
 pub use coding::Coding;
 pub use head::Head;
+pub(crate) use head::Layer;
 pub use loss::{loss_and_gradient, mean_loss};
 pub use projection::Projection;
 pub use standardise::{Scale, Standardisation};
 
-pub(crate) use dense::Gradient;
-pub(crate) use loss::LossOp;
+pub(crate) use activation::{activate, times_slope};
+pub(crate) use dense::{Gradient, read};
+pub(crate) use loss::{LossOp, scaled_gradient};
 
 use std::path::PathBuf;
 

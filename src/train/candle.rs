@@ -1,15 +1,14 @@
 //! A head as candle's variables and operations.
 
 use std::cell::RefCell;
-use std::path::Path;
 
 use candle_core::{CpuStorage, DType, Device, InplaceOp1, Layout, Result as CandleResult, Tensor, Var, bail};
 
 use super::engine::{Engine, Group, Place, TensorMut};
 use super::head::Job;
 use super::{Error, TrainingData, draws};
-use crate::network::{Coding, Head, LossOp};
-use crate::store::{self, Hash, hash_json};
+use crate::network::{Coding, Head, Layer, LossOp};
+use crate::store::Hash;
 
 /// A head, and the rows that it is trained on.
 pub(super) struct CandleHead<'a> {
@@ -31,7 +30,7 @@ impl<'a> CandleHead<'a> {
         let rows = (job.train.batch_size as usize).min(data.train_rows());
         Ok(Self {
             job,
-            names: head.layers().iter().map(|l| ["weight", "bias"].map(|part| format!("{}.{part}", l.name))).collect(),
+            names: head.layers().iter().map(Layer::parameter_names).collect(),
             head,
             targets: data.train_labels().iter().map(|label| job.coding.encode(label.0, label.1)).collect(),
             batch: Tensor::zeros((rows, data.dim()), DType::F32, &Device::Cpu)?,
@@ -44,16 +43,9 @@ impl<'a> CandleHead<'a> {
     }
 }
 
-/// Names what a head is trained on, and from where.
-pub(super) fn fingerprint(job: &Job) -> Result<Hash, Error> {
-    let key = (job.network, job.coding, job.seed, job.data.fingerprint());
-    let path = || job.checkpoint.unwrap_or(Path::new("training")).to_owned();
-    Ok(hash_json(&key).map_err(|source| store::Error::Serialise { path: path(), source })?)
-}
-
 impl Engine for CandleHead<'_> {
     fn fingerprint(&self) -> Result<Hash, Error> {
-        fingerprint(self.job)
+        self.job.fingerprint()
     }
 
     fn epoch_rows(&self, epoch: u32) -> Vec<u32> {
@@ -63,7 +55,11 @@ impl Engine for CandleHead<'_> {
     fn gradients(&mut self, rows: &[u32], place: Place, share: f64) -> Result<f64, Error> {
         self.batch.inplace_op1(&Gather { data: self.job.data, rows })?;
         let x = self.batch.narrow(0, 0, rows.len())?;
-        let mut masks = |layer, n, dropped| draws::dropout_mask(self.job.seed, place, layer, n, dropped);
+        let mut masks = |layer, n, dropped| {
+            let mut mask = vec![0.0; n];
+            draws::dropout_mask(self.job.seed, place, layer, dropped, &mut mask);
+            mask
+        };
         let targets = rows.iter().flat_map(|row| self.targets[*row as usize]).collect();
         let outputs = self.head.forward(&x, &mut masks)?;
         let loss = outputs.apply_op1(LossOp { loss: self.job.train.loss, targets, share })?;

@@ -3,11 +3,14 @@
 use std::path::Path;
 
 use super::candle::CandleHead;
+use super::engine::Engine;
 use super::fit::{Observer, Plan, Stopped, fit_engine};
+use super::fused::FusedHead;
 use super::{EpochRecord, Error, TrainingData};
-use crate::config::spec::{NetworkSpec, TrainSpec};
+use crate::config::spec::{EngineKind, NetworkSpec, TrainSpec};
 use crate::network::{Coding, Head};
 use crate::pipeline::progress::Progress;
+use crate::store::{self, Hash, hash_json};
 
 /// One head to be trained.
 #[derive(Debug, Clone, Copy)]
@@ -24,6 +27,15 @@ pub struct Job<'a> {
     pub seed: u64,
     /// Folder of this training's own in which its state is kept while it runs; the caller removes it afterwards.
     pub checkpoint: Option<&'a Path>,
+}
+
+impl Job<'_> {
+    /// Names what the head is trained on, and from where.
+    pub(super) fn fingerprint(&self) -> Result<Hash, Error> {
+        let key = (self.network, self.coding, self.seed, self.data.fingerprint());
+        let path = || self.checkpoint.unwrap_or(Path::new("training")).to_owned();
+        Ok(hash_json(&key).map_err(|source| store::Error::Serialise { path: path(), source })?)
+    }
 }
 
 /// A trained head.
@@ -55,13 +67,22 @@ pub struct Fitted {
 /// state is saved, and those of network and disk.
 pub fn fit(job: &Job, observer: &mut dyn Observer, progress: &dyn Progress) -> Result<Fitted, Error> {
     let plan = Plan { train: job.train, checkpoint: job.checkpoint };
-    let mut engine = CandleHead::new(job)?;
-    let trained = fit_engine(&plan, &mut engine, observer, progress)?;
+    let mut train = |engine: &mut dyn Engine| fit_engine(&plan, engine, observer, progress);
+    let (trained, head) = match job.train.engine {
+        EngineKind::Fused => {
+            let mut engine = FusedHead::new(job)?;
+            (train(&mut engine)?, engine.into_head()?)
+        }
+        EngineKind::Candle => {
+            let mut engine = CandleHead::new(job)?;
+            (train(&mut engine)?, engine.into_head())
+        }
+    };
     Ok(Fitted {
         curve: trained.curve,
         best_epoch: trained.best_epoch,
         best_objective: trained.best_objective,
         stopped: trained.stopped,
-        head: engine.into_head(),
+        head,
     })
 }

@@ -11,8 +11,10 @@ mod draws;
 mod early;
 pub(crate) mod engine;
 mod fit;
+mod fused;
 mod head;
 mod optimizer;
+mod schedule;
 
 pub use data::TrainingData;
 pub use fit::{Observer, Stopped, Verdict};
