@@ -61,7 +61,7 @@ fn mistakes_that_the_schema_finds() {
         (
             "seed: 1\ntrain:\n  epocs: 5\n",
             "study.yaml:3:3: unknown key `epocs` in `train`",
-            "did you mean `epochs`? keys here: epochs,",
+            "did you mean `epochs`? keys here: engine, epochs,",
         ),
         (
             "seed: 1\ndataset: {scenes: 5}\n",

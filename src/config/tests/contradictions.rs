@@ -245,6 +245,16 @@ fn contradictions_of_a_search_space() {
         "`network.layers` has no item `7`",
         "for_each",
     );
+    one(
+        "    - {name: a, set: train.engine, type: categorical, choices: [fused, candle]}\n",
+        "`train.engine` changes no result, only how fast it comes",
+        "for all trials",
+    );
+    one(
+        "    - {name: a, set: train.schedule.kind, type: categorical, choices: [cosine, step]}\n",
+        "`train.schedule.kind` cannot be `\"step\"`",
+        "one_cycle",
+    );
     one(&format!("{rate}{rate}"), "study.yaml:6:14: a parameter `a` stands above already", "name of its own");
     one(
         &format!(
@@ -258,4 +268,20 @@ fn contradictions_of_a_search_space() {
         "`a` never has the value `7`",
         "from 0.1 to 1",
     );
+}
+
+#[test]
+fn contradictions_of_training() {
+    check(&[
+        (
+            "seed: 1\ntrain: {batch_size: 8, accumulate: 9}\n",
+            "study.yaml:2:36: a step of 8 views has no 9 parts",
+            "takes all views",
+        ),
+        (
+            "seed: 1\ntrain: {schedule: {kind: plateau, factor: 1.0}}\n",
+            "study.yaml:2:43: `train.schedule.factor` is 1, so a plateau would change nothing",
+            "kind: constant",
+        ),
+    ]);
 }
