@@ -141,7 +141,9 @@ fn engines_give_the_same_bits() {
             for (dropout, accumulate, clip_norm) in [(0.0, 1, 0.0), (0.3, 1, 0.05), (0.5, 3, 0.0)] {
                 let layer = |k: usize, units| LayerSpec { units, activation: kinds[(i + k) % 3], dropout };
                 let layers = [50, 1, 33].into_iter().enumerate().map(|(k, units)| layer(k, units)).collect();
-                let network = NetworkSpec { layers, output, ..network(0.0) };
+                let kind =
+                    [NetworkKind::SingleNet, NetworkKind::DualNet, NetworkKind::SeqNet][(i + accumulate as usize) % 3];
+                let network = NetworkSpec { kind, layers, output, ..network(0.0) };
                 let both = [EngineKind::Fused, EngineKind::Candle].map(|engine| {
                     let train = TrainSpec { engine, optimizer, loss, accumulate, clip_norm, ..train(5) };
                     bits(&run(&network, &train, &data, 3).unwrap())
