@@ -102,6 +102,17 @@ fn contradictions_that_rules_find() {
             "mirror: true",
         ),
         (
+            "seed: 1\nbackbone: {tune: 'last:2'}\n",
+            "study.yaml:2:18: `backbone.tune: last:2` would train on top of random blocks that stay random",
+            "tune: full",
+        ),
+        ("kind: pretraining\nseed: 1\n", "`backbone.tune: frozen` leaves a pretraining nothing to train", "tune: full"),
+        (
+            "kind: pretraining\nseed: 1\nbackbone: {tune: full}\nnetwork: {kind: dual_net}\n",
+            "study.yaml:4:17: a pretraining trains one backbone, and `network.kind: dual_net` has two",
+            "single_net",
+        ),
+        (
             "seed: 1\nbackbone: {taps: [mixed_5b, mixed_6x]}\n",
             "study.yaml:2:29: inception_v3 has no block `mixed_6x`",
             "did you mean `mixed_6",
