@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::graph::{Action, Graph};
-use super::network::{Network, Workspace};
+use super::network::{Input, Network, Workspace};
 use super::parameters::{Norm, Parameters};
 use crate::kernel::Buffer;
 
@@ -16,7 +16,10 @@ pub(super) fn calibrate(
     parameters: impl Fn(&Graph, usize) -> Parameters,
 ) {
     let mut states: Vec<(Workspace, Buffer)> = images.iter().map(|_| Default::default()).collect();
-    states.par_iter_mut().zip(images).for_each(|((workspace, _), image)| network.begin(image, workspace));
+    states
+        .par_iter_mut()
+        .zip(images)
+        .for_each(|((workspace, _), image)| network.begin(Input::Images(image), workspace));
     for i in 0..network.graph.steps.len() {
         let step = network.graph.steps[i];
         if let Action::Layer(number) = step.action {

@@ -35,6 +35,9 @@ pub struct WeightsDescription {
     /// Address that the file can be fetched from, if there is one.
     #[serde(default)]
     pub url: Option<String>,
+    /// The last block whose layers the file holds, if it does not hold them all.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub last_block: Option<String>,
     /// How the network that they were trained in differs from others of its name.
     pub variant: Variant,
     /// Tensors of the file that are not used: names in which `*` stands for anything.

@@ -35,6 +35,17 @@ pub enum Error {
         /// Smallest side that works.
         least: usize,
     },
+    /// More blocks to be trained than stand before the last tap.
+    #[error(
+        "`backbone.tune: last:{asked}` trains {asked} blocks, but up to the last of `backbone.taps` there are {blocks}, and one has to \
+         stay before them; hint: a smaller number, or `tune: full`"
+    )]
+    Blocks {
+        /// Blocks asked for.
+        asked: usize,
+        /// Blocks up to the last tap.
+        blocks: usize,
+    },
     /// No description of that name.
     #[error(
         "no weights are called `{name}`{}; looked for `{name}.yaml` in {}, and at the descriptions of the program ({}). \
@@ -122,6 +133,18 @@ pub enum Error {
         architecture: &'static str,
         /// Everything that is wrong, by tensor.
         problems: Vec<Problem>,
+    },
+    /// A file that holds fewer blocks than are needed.
+    #[error(
+        "the weights in `{}` end with the block `{block}`, but `backbone.taps` names a later one; hint: take taps up to `{block}`, or \
+         other weights",
+        path.display()
+    )]
+    Short {
+        /// The file.
+        path: PathBuf,
+        /// The last block that it holds.
+        block: String,
     },
     /// A description that is not one.
     #[error("weights description `{}` is wrong: {reason}", path.display())]

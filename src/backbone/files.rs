@@ -124,6 +124,7 @@ fn install(folder: &Path, file: &str, bytes: &[u8]) -> WeightsSource {
     let path = folder.join(file);
     store::write(&path, bytes).unwrap();
     let description = WeightsDescription {
+        last_block: None,
         architecture: Architecture::MobilenetV1,
         file: file.to_owned(),
         sha256: store::hash_bytes(bytes).as_str().to_owned(),

@@ -114,6 +114,46 @@ impl Graph {
         Ok(self)
     }
 
+    /// The steps before and after the output of `block`, which is all that the second part sees of the first.
+    ///
+    /// Taps of earlier blocks belong to the first part; the block's own and later ones to the second, whose map 0 is
+    /// the block's output.
+    pub(super) fn cut(&self, block: &Tap) -> (Self, Self) {
+        let (front_steps, back_steps) = self.steps.split_at(block.steps);
+        let layers = front_steps.iter().filter(|s| matches!(s.action, Action::Layer(_))).count();
+        let (front_layers, back_layers) = self.layers.split_at(layers);
+        let (front_taps, back_taps): (Vec<Tap>, Vec<Tap>) =
+            self.taps.iter().cloned().partition(|t| t.steps < block.steps);
+        let mut new_map = vec![None; self.maps.len()];
+        new_map[block.map] = Some(0);
+        let mut maps = vec![self.maps[block.map]];
+        let mut renamed = |map: Map| {
+            *new_map[map].get_or_insert_with(|| {
+                maps.push(self.maps[map]);
+                maps.len() - 1
+            })
+        };
+        let moved = |step: &Step| {
+            let action = match step.action {
+                Action::Layer(number) => Action::Layer(number - layers),
+                pool => pool,
+            };
+            Step { action, input: renamed(step.input), output: renamed(step.output), ..*step }
+        };
+        let steps: Vec<Step> = back_steps.iter().map(moved).collect();
+        let tap = |t: Tap| Tap { map: new_map[t.map].unwrap_or_default(), steps: t.steps - block.steps, ..t };
+        let front = Self {
+            layers: front_layers.to_vec(),
+            steps: front_steps.to_vec(),
+            taps: front_taps,
+            maps: self.maps.clone(),
+            ..*self
+        };
+        let taps = back_taps.into_iter().map(tap).collect();
+        let back = Self { border: Pad::default(), maps, layers: back_layers.to_vec(), steps, taps, ..*self };
+        (front, back)
+    }
+
     /// Gives each map a buffer such that maps in use at the same time have different ones: the buffer of each map, and
     /// the floats per image of each buffer.
     pub(super) fn buffers(&self) -> (Vec<usize>, Vec<usize>) {

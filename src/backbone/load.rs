@@ -5,13 +5,46 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
-use super::Error;
 use super::description::WeightsDescription;
 use super::error::{name_of, nearest};
 use super::graph::{Graph, Layer};
-use super::parameters::{Parameters, Prepared};
+use super::parameters::Parameters;
 use super::tensors::{Problem, TensorFile};
+use super::{Error, WeightsSource};
+use crate::config::spec::BackboneSpec;
 use crate::store;
+
+/// Version of the drawn weights: part of the hash, so that changed drawing means changed features.
+const SEEDED_VERSION: u32 = 1;
+
+/// The first `needed` layers of `graph`, the whole architecture: drawn, or read and checked; and a hash that names them.
+///
+/// # Errors
+/// Weights of another architecture, a file with another hash, or tensors that do not fit.
+pub(super) fn parameters(
+    spec: &BackboneSpec,
+    source: WeightsSource,
+    graph: &Graph,
+    needed: usize,
+) -> Result<(Vec<Parameters>, store::Hash), Error> {
+    match source {
+        WeightsSource::Seeded { seed } => {
+            let draw = |(number, layer): (usize, &Layer)| Parameters::seeded(layer, seed, number);
+            let layers = graph.layers[..needed].par_iter().enumerate().map(draw).collect();
+            let hash = store::hash_json(&(SEEDED_VERSION, spec.architecture, seed))
+                .map_err(|source| store::Error::Serialise { path: PathBuf::from("weights"), source })?;
+            Ok((layers, hash))
+        }
+        WeightsSource::File { path, description } => {
+            if description.architecture != spec.architecture {
+                let (of, asked) = (name_of(description.architecture), name_of(spec.architecture));
+                return Err(Error::OtherArchitecture { path, of, asked });
+            }
+            let hash = check_hash(&path, &description)?;
+            Ok((read_layers(&path, &description, &held(&path, &description, graph, needed)?, needed)?, hash))
+        }
+    }
+}
 
 /// Finds the weights `name`: its description (`NAME.yaml` in one of `search_dirs`, else the program's own) and its file
 /// (in one of `search_dirs`), whose SHA-256 is checked.
@@ -51,7 +84,7 @@ pub fn describe(name: &str, search_dirs: &[PathBuf]) -> Result<WeightsDescriptio
 }
 
 /// Compares the file's SHA-256 with its description's.
-pub(super) fn check_hash(path: &Path, description: &WeightsDescription) -> Result<store::Hash, Error> {
+fn check_hash(path: &Path, description: &WeightsDescription) -> Result<store::Hash, Error> {
     let found = store::hash_file(path)?;
     if found.as_str() == description.sha256 {
         return Ok(found);
@@ -63,16 +96,29 @@ pub(super) fn check_hash(path: &Path, description: &WeightsDescription) -> Resul
     })
 }
 
-/// Checks the tensors of `path` against the whole of `graph`, and reads and folds its first `needed` layers.
+/// The part of `graph` whose layers the file holds, which is no less than `needed` layers.
+fn held(path: &Path, description: &WeightsDescription, graph: &Graph, needed: usize) -> Result<Graph, Error> {
+    let Some(block) = &description.last_block else { return Ok(graph.clone()) };
+    let held = graph.clone().up_to(std::slice::from_ref(block)).map_err(|_| Error::Description {
+        path: path.to_owned(),
+        reason: format!("`last_block` is `{block}`, which {} does not have", name_of(description.architecture)),
+    })?;
+    if needed > held.layers.len() {
+        return Err(Error::Short { path: path.to_owned(), block: block.clone() });
+    }
+    Ok(held)
+}
+
+/// Checks the tensors of `path` against the whole of `graph`, and reads its first `needed` layers.
 ///
 /// # Errors
 /// An unreadable file, or tensors that are missing, unexpected, mis-shaped or hold impossible numbers: all of them at once.
-pub(super) fn read_layers(
+fn read_layers(
     path: &Path,
     description: &WeightsDescription,
     graph: &Graph,
     needed: usize,
-) -> Result<Vec<Prepared>, Error> {
+) -> Result<Vec<Parameters>, Error> {
     let file = TensorFile::open(path)?;
     let fail =
         |problems| Error::Tensors { path: path.to_owned(), architecture: name_of(description.architecture), problems };
@@ -80,15 +126,11 @@ pub(super) fn read_layers(
     if !problems.is_empty() {
         return Err(fail(problems));
     }
-    let epsilon = description.variant.batch_norm_epsilon;
-    let read = |layer: &Layer| -> Result<(Prepared, Vec<Problem>), Error> {
-        let (parameters, problems) = Parameters::read(layer, &file)?;
-        Ok((parameters.fold(layer, epsilon), problems))
-    };
+    let read = |layer: &Layer| Parameters::read(layer, &file);
     let layers: Vec<_> = graph.layers[..needed].par_iter().map(read).collect::<Result<_, Error>>()?;
-    let (prepared, problems): (Vec<Prepared>, Vec<Vec<Problem>>) = layers.into_iter().unzip();
+    let (parameters, problems): (Vec<Parameters>, Vec<Vec<Problem>>) = layers.into_iter().unzip();
     let problems: Vec<Problem> = problems.into_iter().flatten().collect();
-    if problems.is_empty() { Ok(prepared) } else { Err(fail(problems)) }
+    if problems.is_empty() { Ok(parameters) } else { Err(fail(problems)) }
 }
 
 /// Missing, mis-shaped and unreadable tensors in the order of the layers, then those that are too many.

@@ -6,6 +6,7 @@
 mod calibrate;
 mod description;
 mod error;
+mod export;
 #[cfg(test)]
 mod files;
 mod graph;
@@ -14,6 +15,7 @@ mod load;
 mod mobilenet_v1;
 mod network;
 mod parameters;
+mod plan;
 mod pooling;
 #[cfg(test)]
 mod reference;
@@ -21,6 +23,10 @@ mod resnet50;
 mod tensors;
 #[cfg(test)]
 mod tests;
+mod trunk;
+#[cfg(test)]
+mod trunk_tests;
+mod tunable;
 
 use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
@@ -31,12 +37,15 @@ pub use description::{ChannelOrder, Padding, Preprocessing, Rectifier, StrideIn,
 pub use error::Error;
 pub use load::{describe, find_weights};
 pub use tensors::Problem;
+pub use tunable::{Intake, Tunable};
+
+pub(crate) use tunable::{Fill, Tuned, TunedTensor};
 
 use crate::config::spec::{Architecture, BackboneSpec};
 use crate::store;
 use error::{name_of, nearest};
 use graph::{Graph, Layer};
-use network::{Network, Workspace};
+use network::{Input, Network, Workspace};
 use parameters::{Parameters, Prepared};
 
 /// Images that one thread takes through the network together: enough to read the weights seldom, few enough that maps stay in
@@ -45,9 +54,6 @@ pub(crate) const GROUP: usize = 2;
 
 /// Most images that batch norms are calibrated on; their maps are in memory together.
 const CALIBRATION_IMAGES: usize = 32;
-
-/// Version of the drawn weights: part of the hash, so that changed drawing means changed features.
-const SEEDED_VERSION: u32 = 1;
 
 /// Where a backbone's weights come from.
 #[derive(Debug, Clone)]
@@ -65,6 +71,16 @@ pub enum WeightsSource {
         /// Its description.
         description: WeightsDescription,
     },
+}
+
+impl WeightsSource {
+    /// How the network that the weights belong to differs from others of its name.
+    fn variant(&self, architecture: Architecture) -> Variant {
+        match self {
+            WeightsSource::Seeded { .. } => Variant::seeded(architecture),
+            WeightsSource::File { description, .. } => description.variant.clone(),
+        }
+    }
 }
 
 /// A frozen backbone: from images to features.
@@ -90,23 +106,15 @@ impl Backbone {
     /// # Errors
     /// An unknown tap, an input too small for the architecture, or a weights file that does not fit; see [`Error`].
     pub fn load(spec: &BackboneSpec, source: WeightsSource) -> Result<Self, Error> {
-        let (variant, seed) = match &source {
-            WeightsSource::Seeded { seed } => (Variant::seeded(spec.architecture), Some(*seed)),
-            WeightsSource::File { description, .. } => (description.variant.clone(), None),
+        let variant = source.variant(spec.architecture);
+        let seed = match &source {
+            WeightsSource::Seeded { seed } => Some(*seed),
+            WeightsSource::File { .. } => None,
         };
         let whole = graph_of(spec.architecture, spec.input_px as usize, &variant)?;
         let graph = tapped(spec, whole.clone())?;
-        let (layers, hash) = match source {
-            WeightsSource::Seeded { seed } => drawn(spec, &graph, seed, variant.batch_norm_epsilon)?,
-            WeightsSource::File { path, description } => {
-                if description.architecture != spec.architecture {
-                    let (of, asked) = (name_of(description.architecture), name_of(spec.architecture));
-                    return Err(Error::OtherArchitecture { path, of, asked });
-                }
-                let hash = load::check_hash(&path, &description)?;
-                (load::read_layers(&path, &description, &whole, graph.layers.len())?, hash)
-            }
-        };
+        let (parameters, hash) = load::parameters(spec, source, &whole, graph.layers.len())?;
+        let layers = fold(&graph, &parameters, variant.batch_norm_epsilon);
         let network = Network::new(graph, layers, &variant.preprocessing, spec.rings as usize);
         let epsilon = variant.batch_norm_epsilon;
         Ok(Self { network, seed, epsilon, origin: hash.clone(), hash, workspaces: Mutex::default() })
@@ -157,7 +165,7 @@ impl Backbone {
         let groups = images.par_chunks(GROUP * len).zip(features.par_chunks_mut(GROUP * dim));
         groups.for_each(|(images, out)| {
             let mut workspace = self.spare().pop().unwrap_or_default();
-            self.network.features(images, &mut workspace, out);
+            self.network.features(Input::Images(images), &mut workspace, out);
             self.spare().push(workspace);
         });
         features
@@ -234,10 +242,7 @@ fn tapped(spec: &BackboneSpec, graph: Graph) -> Result<Graph, Error> {
     })
 }
 
-fn drawn(spec: &BackboneSpec, graph: &Graph, seed: u64, epsilon: f32) -> Result<(Vec<Prepared>, store::Hash), Error> {
-    let layer = |(number, layer): (usize, &Layer)| Parameters::seeded(layer, seed, number).fold(layer, epsilon);
-    let layers = graph.layers.par_iter().enumerate().map(layer).collect();
-    let hash = store::hash_json(&(SEEDED_VERSION, spec.architecture, seed))
-        .map_err(|source| store::Error::Serialise { path: PathBuf::from("weights"), source })?;
-    Ok((layers, hash))
+/// Layers ready to run.
+fn fold(graph: &Graph, parameters: &[Parameters], epsilon: f32) -> Vec<Prepared> {
+    graph.layers.par_iter().zip(parameters).map(|(layer, own)| own.fold(layer, epsilon)).collect()
 }

@@ -1,20 +1,52 @@
 //! The interpreter: runs a graph's steps on batches of images.
 
 use super::description::Preprocessing;
-use super::graph::{Action, Graph, MapShape, Step};
+use super::graph::{Action, Graph, Map, MapShape, Step};
 use super::parameters::Prepared;
 use super::pooling::Pooling;
 use crate::kernel::{Buffer, Shape, View, ViewMut, average_pool, isa, max_pool};
+
+/// From bytes to the values of map 0.
+#[derive(Debug, Clone)]
+pub(super) struct Preprocessor([(usize, [f32; 256]); 3]);
+
+impl Preprocessor {
+    pub(super) fn new(preprocessing: &Preprocessing) -> Self {
+        Self(preprocessing.tables())
+    }
+
+    /// Puts `images` into `map`, with `graph`'s zeros around them.
+    pub(super) fn fill(&self, graph: &Graph, images: &[u8], map: &mut [f32]) {
+        map.fill(0.0);
+        let (side, border) = (graph.side, graph.border);
+        let MapShape { height, width, .. } = graph.maps[0];
+        for (row, bytes) in images.chunks_exact(side * 3).enumerate() {
+            let at = ((row / side * height + border.top + row % side) * width + border.left) * 3;
+            for (pixel, rgb) in map[at..].as_chunks_mut::<3>().0.iter_mut().zip(bytes.as_chunks::<3>().0) {
+                *pixel = self.0.each_ref().map(|(from, table)| table[usize::from(rgb[*from])]);
+            }
+        }
+    }
+}
 
 /// A graph with its layers ready to run.
 pub(super) struct Network {
     pub graph: Graph,
     pub layers: Vec<Prepared>,
     pub rings: usize,
-    inputs: [(usize, [f32; 256]); 3],
+    preprocessor: Preprocessor,
     buffer_of: Vec<usize>,
     buffer_sizes: Vec<usize>,
     poolings: Vec<Pooling>,
+}
+
+/// What a network is given.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Input<'a> {
+    /// Bytes, RGB, side × side an image.
+    Images(&'a [u8]),
+    /// Values of map 0.
+    Maps(&'a [f32]),
 }
 
 /// Feature maps of some images, kept from batch to batch.
@@ -29,7 +61,7 @@ impl Network {
         let (buffer_of, buffer_sizes) = graph.buffers();
         let pooling = |map: usize| Pooling::new(graph.maps[map].height, graph.maps[map].width, rings);
         let poolings = graph.taps.iter().map(|t| pooling(t.map)).collect();
-        Self { inputs: preprocessing.tables(), graph, layers, rings, buffer_of, buffer_sizes, poolings }
+        Self { preprocessor: Preprocessor::new(preprocessing), graph, layers, rings, buffer_of, buffer_sizes, poolings }
     }
 
     /// Length of one image's features.
@@ -42,9 +74,9 @@ impl Network {
         self.graph.side * self.graph.side * 3
     }
 
-    /// Features of `images` (RGB, side × side each) into `out` ([`dim`](Network::dim) each), on the calling thread.
-    pub(super) fn features(&self, images: &[u8], workspace: &mut Workspace, out: &mut [f32]) {
-        self.begin(images, workspace);
+    /// Features of some images into `out` ([`dim`](Network::dim) each), on the calling thread.
+    pub(super) fn features(&self, input: Input, workspace: &mut Workspace, out: &mut [f32]) {
+        self.begin(input, workspace);
         self.take_taps(0, workspace, out);
         for (i, step) in self.graph.steps.iter().enumerate() {
             self.execute(step, workspace);
@@ -52,22 +84,26 @@ impl Network {
         }
     }
 
-    /// Puts the preprocessed images into map 0.
-    pub(super) fn begin(&self, images: &[u8], workspace: &mut Workspace) {
-        workspace.images = images.len() / self.image_len();
+    /// The values of `map` after [`features`](Network::features), if no step after its last has written over it.
+    pub(super) fn map<'a>(&self, map: Map, workspace: &'a Workspace) -> &'a [f32] {
+        &workspace.buffers[self.buffer_of[map]][..self.graph.map_len(map) * workspace.images]
+    }
+
+    /// Fills map 0.
+    pub(super) fn begin(&self, input: Input, workspace: &mut Workspace) {
+        let map_len = self.graph.map_len(0);
+        workspace.images = match input {
+            Input::Images(images) => images.len() / self.image_len(),
+            Input::Maps(maps) => maps.len() / map_len,
+        };
         workspace.buffers.resize_with(self.buffer_sizes.len(), Buffer::default);
         for (buffer, size) in workspace.buffers.iter_mut().zip(&self.buffer_sizes) {
             buffer.resize(size * workspace.images);
         }
-        let input = &mut workspace.buffers[self.buffer_of[0]][..self.graph.map_len(0) * workspace.images];
-        input.fill(0.0);
-        let (side, border) = (self.graph.side, self.graph.border);
-        let MapShape { height, width, .. } = self.graph.maps[0];
-        for (row, bytes) in images.chunks_exact(side * 3).enumerate() {
-            let at = ((row / side * height + border.top + row % side) * width + border.left) * 3;
-            for (pixel, rgb) in input[at..].as_chunks_mut::<3>().0.iter_mut().zip(bytes.as_chunks::<3>().0) {
-                *pixel = self.inputs.each_ref().map(|(from, table)| table[usize::from(rgb[*from])]);
-            }
+        let map = &mut workspace.buffers[self.buffer_of[0]][..map_len * workspace.images];
+        match input {
+            Input::Images(images) => self.preprocessor.fill(&self.graph, images, map),
+            Input::Maps(maps) => map.copy_from_slice(maps),
         }
     }
 

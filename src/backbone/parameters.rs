@@ -82,6 +82,21 @@ impl Parameters {
         Ok((Self { weights: outputs_last(&weights, layer), norm: Norm { scale, shift, mean, variance } }, problems))
     }
 
+    /// The weights in a file's order: outputs × inputs × rows × columns.
+    pub(super) fn inputs_second(&self, layer: &Layer) -> Vec<f32> {
+        let [outputs, inputs, height, width] = layer.shape();
+        let taps = height * width;
+        let mut moved = vec![0.0; self.weights.len()];
+        for (o, filter) in moved.chunks_exact_mut(inputs * taps).enumerate() {
+            for (i, values) in filter.chunks_exact_mut(taps).enumerate() {
+                for (t, value) in values.iter_mut().enumerate() {
+                    *value = self.weights[(t * inputs + i) * outputs + o];
+                }
+            }
+        }
+        moved
+    }
+
     /// Draws a layer's weights: normal, cut at two standard deviations, of variance 2/(inputs of an output), which
     /// keeps the variance through a rectifier (He et al. 2015). The batch norm is the identity.
     pub(super) fn seeded(layer: &Layer, seed: u64, number: usize) -> Self {

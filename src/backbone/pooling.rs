@@ -56,6 +56,25 @@ impl Pooling {
             }
         }
     }
+
+    /// The way back of [`pool`](Pooling::pool): writes (or adds) the derivatives by one image's map, from those by its
+    /// means.
+    pub(super) fn unpool(&self, by_means: &[f32], map: &mut [f32], accumulate: bool) {
+        let channels = map.len() / self.ring.len();
+        let (whole, rings) = by_means.split_at(channels);
+        let share = 1.0 / self.ring.len() as f32;
+        for (pixel, &ring) in map.chunks_exact_mut(channels).zip(&self.ring) {
+            if !accumulate {
+                pixel.fill(0.0);
+            }
+            pixel.iter_mut().zip(whole).for_each(|(p, g)| *p += g * share);
+            if self.separate {
+                let share = 1.0 / self.counts[ring] as f32;
+                let own = &rings[ring * channels..][..channels];
+                pixel.iter_mut().zip(own).for_each(|(p, g)| *p += g * share);
+            }
+        }
+    }
 }
 
 fn add(sums: &mut [f32], values: &[f32]) {
@@ -95,6 +114,29 @@ mod tests {
         let mut whole = [0.0; 1];
         Pooling::new(4, 4, 0).pool(View::new(&data, shape, 1), 1, &mut whole);
         assert_eq!(whole, [7.5]);
+    }
+
+    #[test]
+    fn the_way_back_is_the_transpose() {
+        // pool is linear: its way back applied to the unit vectors gives the rows of its matrix
+        let shape = Shape { images: 1, height: 3, width: 4, channels: 2 };
+        let pooling = Pooling::new(3, 4, 2);
+        let len = pooling.len(2);
+        for pixel in 0..shape.len() {
+            let mut map = vec![0.0; shape.len()];
+            map[pixel] = 1.0;
+            let mut means = vec![0.0; len];
+            pooling.pool(View::new(&map, shape, 2), 0, &mut means);
+            for (mean, expected) in means.iter().enumerate() {
+                let mut unit = vec![0.0; len];
+                unit[mean] = 1.0;
+                let mut back = vec![1.0; shape.len()];
+                pooling.unpool(&unit, &mut back, false);
+                assert!((back[pixel] - expected).abs() < 1e-7, "pixel {pixel}, mean {mean}");
+                pooling.unpool(&unit, &mut back, true);
+                assert!((back[pixel] - 2.0 * expected).abs() < 1e-7);
+            }
+        }
     }
 
     #[test]

@@ -98,7 +98,7 @@ fn every_architecture_and_variant_is_what_a_naive_implementation_in_f64_computes
             let (graph, network) = network(architecture, side, tap, &variant);
             let bytes = noise(side, 1);
             let mut found = vec![0.0; network.dim()];
-            network.features(&bytes, &mut Workspace::default(), &mut found);
+            network.features(Input::Images(&bytes), &mut Workspace::default(), &mut found);
             let p = &variant.preprocessing;
             let input = |(i, _): (usize, &u8)| {
                 let c = i % 3;
@@ -168,7 +168,7 @@ fn calibration_gives_every_channel_mean_zero_and_variance_one() {
     // the step of `layer1.0.conv2`: its input is still there after a run, and its output is a map of its own
     let step = network.graph.steps[3];
     let mut workspace = Workspace::default();
-    network.begin(&images.concat(), &mut workspace);
+    network.begin(Input::Images(&images.concat()), &mut workspace);
     for i in 0..3 {
         let step = network.graph.steps[i];
         network.execute(&step, &mut workspace);

@@ -85,13 +85,14 @@ fn kind(tree: &Node) -> Result<&'static str, Vec<Diagnostic>> {
     let Some(node) = tree.get("kind") else { return Ok("experiment") };
     match node.text() {
         Some("experiment") => Ok("experiment"),
+        Some("pretraining") => Ok("pretraining"),
         Some("suite") => Ok("suite"),
         Some("odometry") => Err(vec![
             Diagnostic::new(&node.place, "`kind: odometry` is not part of this version")
-                .hint("this version runs `kind: experiment` and `kind: suite`"),
+                .hint("this version runs `kind: experiment`, `kind: pretraining` and `kind: suite`"),
         ]),
         other => {
-            let hint = choice_hint(other.unwrap_or_default(), "kinds", &["experiment", "suite"]);
+            let hint = choice_hint(other.unwrap_or_default(), "kinds", &["experiment", "pretraining", "suite"]);
             Err(vec![Diagnostic::new(&node.place, format!("`kind` cannot be {}", node.kind())).hint(hint)])
         }
     }
@@ -194,8 +195,9 @@ impl Loader<'_> {
         }
         let source = read(&path).map_err(|d| vec![d])?;
         let parsed = parse_mapping_on(&source)?;
-        if kind(&parsed.0)? == "suite" {
-            let message = format!("{} is a suite, too", quoted(&path.display().to_string()));
+        let kind = kind(&parsed.0)?;
+        if kind != "experiment" {
+            let message = format!("{} is a {kind}", quoted(&path.display().to_string()));
             return Err(vec![Diagnostic::new(&item.place, message).hint("a suite lists experiments only")]);
         }
         self.experiment(&path, source, parsed)

@@ -6,7 +6,7 @@ mod set;
 mod write;
 
 pub use set::FeatureSet;
-pub use write::{write, write_matrix};
+pub use write::{write, write_maps, write_matrix};
 
 use std::path::PathBuf;
 
@@ -16,7 +16,7 @@ use crate::error::{Class, Classify};
 use crate::store;
 
 /// Which view, and which copy of it, one row of a feature matrix belongs to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct FeatureRow {
     /// Number of the view in the dataset.
     pub view: u32,

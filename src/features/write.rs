@@ -5,7 +5,7 @@ use std::io::Write;
 use rayon::prelude::*;
 
 use super::{DESCRIPTION, Description, Error, FORMAT, FeatureRow, MATRIX, TapDescription};
-use crate::backbone::{Backbone, GROUP};
+use crate::backbone::{Backbone, GROUP, Intake};
 use crate::pipeline::progress::Progress;
 use crate::store::{self, ArtefactWriter, AtomicFile};
 
@@ -29,9 +29,52 @@ pub fn write(
     image: &(dyn Fn(FeatureRow) -> Vec<u8> + Sync),
     progress: &dyn Progress,
 ) -> Result<(), Error> {
+    let compute = |group: &[FeatureRow]| {
+        let images: Vec<u8> = group.iter().flat_map(|row| image(*row)).collect();
+        backbone.features(&images, group.len())
+    };
+    write_rows(writer, rows, "features", &compute, progress)?;
+    Ok(store::write_json(&writer.path(DESCRIPTION), &description(backbone, rows))?)
+}
+
+/// Computes what frozen blocks hand on to the trained ones, for all `rows`, and writes it as a matrix: of each row the features that
+/// come from the frozen blocks, then their last map.
+///
+/// `image` gives a row's image as in [`write()`]. On disk is one number for each value of the map.
+///
+/// # Errors
+/// An interruption, or the disk.
+pub fn write_maps(
+    writer: &ArtefactWriter,
+    intake: &Intake,
+    rows: &[FeatureRow],
+    image: &(dyn Fn(FeatureRow) -> Vec<u8> + Sync),
+    progress: &dyn Progress,
+) -> Result<(), Error> {
+    let dim = intake.early_len() + intake.map_len();
+    let compute = |group: &[FeatureRow]| {
+        let mut values = vec![0.0; group.len() * dim];
+        for (row, values) in group.iter().zip(values.chunks_exact_mut(dim)) {
+            let (early, map) = values.split_at_mut(intake.early_len());
+            intake.prepare(&image(*row), early, map);
+        }
+        values
+    };
+    write_rows(writer, rows, "maps", &compute, progress)?;
+    describe_matrix(writer, "maps", dim, rows)
+}
+
+/// Writes the numbers that `compute` gives for each of `rows`, a group at a time.
+fn write_rows(
+    writer: &ArtefactWriter,
+    rows: &[FeatureRow],
+    what: &str,
+    compute: &(dyn Fn(&[FeatureRow]) -> Vec<f32> + Sync),
+    progress: &dyn Progress,
+) -> Result<(), Error> {
     let path = writer.path(MATRIX);
     let mut file = AtomicFile::create(&path)?;
-    progress.begin("features", rows.len() as u64);
+    progress.begin(what, rows.len() as u64);
     for batch in rows.chunks(BATCH) {
         let groups: Vec<Vec<f32>> = batch
             .par_chunks(GROUP)
@@ -39,17 +82,21 @@ pub fn write(
                 if progress.interrupted() {
                     return Err(Error::Interrupted);
                 }
-                let images: Vec<u8> = group.iter().flat_map(|row| image(*row)).collect();
-                let features = backbone.features(&images, group.len());
+                let values = compute(group);
                 progress.advance(group.len() as u64);
-                Ok(features)
+                Ok(values)
             })
             .collect::<Result<_, _>>()?;
-        let bytes: Vec<u8> = groups.iter().flatten().flat_map(|v| v.to_le_bytes()).collect();
-        file.write_all(&bytes).map_err(|source| store::Error::Io { action: "write", path: path.clone(), source })?;
+        for values in groups {
+            let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+            file.write_all(&bytes).map_err(|source| store::Error::Io {
+                action: "write",
+                path: path.clone(),
+                source,
+            })?;
+        }
     }
     file.commit()?;
-    store::write_json(&writer.path(DESCRIPTION), &description(backbone, rows))?;
     progress.end();
     Ok(())
 }
@@ -67,6 +114,10 @@ pub fn write_matrix(
 ) -> Result<(), Error> {
     let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
     store::write(&writer.path(MATRIX), &bytes)?;
+    describe_matrix(writer, name, dim, rows)
+}
+
+fn describe_matrix(writer: &ArtefactWriter, name: &str, dim: usize, rows: &[FeatureRow]) -> Result<(), Error> {
     let taps = vec![TapDescription { name: name.to_owned(), channels: dim }];
     let description = Description { format: FORMAT, dim, taps, rings: 0, rows: rows.to_vec() };
     Ok(store::write_json(&writer.path(DESCRIPTION), &description)?)

@@ -3,6 +3,7 @@
 
 mod buffer;
 mod conv;
+mod dispatch;
 mod map;
 mod matmul;
 mod product;
@@ -10,6 +11,7 @@ mod simd;
 mod slices;
 mod stencil;
 mod tile;
+mod training;
 
 pub use buffer::Buffer;
 pub use conv::Conv;
@@ -20,3 +22,7 @@ pub use simd::{Isa, IsaError, check_isa, isa};
 pub(crate) use slices::per_isa;
 pub use slices::{add_rows, inverse, inverse_root, sigmoid, sum_of_squares, tanh, times};
 pub use stencil::{Depthwise, average_pool, max_pool};
+pub use training::{
+    NormGradient, Normalization, Scratch, TrainableConv, TrainableDepthwise, average_pool_gradient, max_pool_gradient,
+    max_pool_with_winners, statistics,
+};

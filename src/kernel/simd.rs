@@ -137,6 +137,18 @@ pub(super) trait Simd: Copy {
     unsafe fn max(self, b: Self) -> Self;
     /// `self` where it is less than `b`, else `b` (so a NaN in `b` stays).
     unsafe fn min(self, b: Self) -> Self;
+    /// Difference.
+    unsafe fn sub(self, b: Self) -> Self;
+    /// `self` where `low` < `x` < `high`, else 0.
+    unsafe fn where_between(self, x: Self, low: Self, high: Self) -> Self;
+    /// `self` where `a` = `b`, else 0.
+    unsafe fn where_equal(self, a: Self, b: Self) -> Self;
+    /// `self` where `a` > `b`, else `other`.
+    unsafe fn where_greater(self, a: Self, b: Self, other: Self) -> Self;
+    /// Loads `n` bytes as floats, the other lanes are 0.
+    unsafe fn load_bytes(from: *const u8, n: usize) -> Self;
+    /// Stores the first `n` lanes, whole numbers from 0 to 255, as bytes.
+    unsafe fn store_bytes(self, to: *mut u8, n: usize);
 }
 
 /// Eight lanes without any instruction set.
@@ -193,6 +205,35 @@ impl Simd for Plain {
     #[inline(always)]
     unsafe fn min(self, b: Self) -> Self {
         self.zip(b, |x, y| if x < y { x } else { y })
+    }
+    #[inline(always)]
+    unsafe fn sub(self, b: Self) -> Self {
+        self.zip(b, |x, y| x - y)
+    }
+    #[inline(always)]
+    unsafe fn where_between(self, x: Self, low: Self, high: Self) -> Self {
+        Plain(std::array::from_fn(|i| if low.0[i] < x.0[i] && x.0[i] < high.0[i] { self.0[i] } else { 0.0 }))
+    }
+    #[inline(always)]
+    unsafe fn where_equal(self, a: Self, b: Self) -> Self {
+        Plain(std::array::from_fn(|i| if a.0[i] == b.0[i] { self.0[i] } else { 0.0 }))
+    }
+    #[inline(always)]
+    unsafe fn where_greater(self, a: Self, b: Self, other: Self) -> Self {
+        Plain(std::array::from_fn(|i| if a.0[i] > b.0[i] { self.0[i] } else { other.0[i] }))
+    }
+    #[inline(always)]
+    unsafe fn load_bytes(from: *const u8, n: usize) -> Self {
+        let mut bytes = [0; 8];
+        // SAFETY: the caller's pointer is valid for n ≤ 8 bytes
+        unsafe { std::ptr::copy_nonoverlapping(from, bytes.as_mut_ptr(), n) };
+        Plain(bytes.map(f32::from))
+    }
+    #[inline(always)]
+    unsafe fn store_bytes(self, to: *mut u8, n: usize) {
+        let bytes = self.0.map(|x| x as u8);
+        // SAFETY: the caller's pointer is valid for n ≤ 8 bytes
+        unsafe { std::ptr::copy_nonoverlapping(bytes.as_ptr(), to, n) }
     }
 }
 
@@ -263,6 +304,42 @@ mod x86 {
         unsafe fn min(self, b: Self) -> Self {
             unsafe { Zmm(_mm512_min_ps(self.0, b.0)) }
         }
+        #[inline(always)]
+        unsafe fn sub(self, b: Self) -> Self {
+            unsafe { Zmm(_mm512_sub_ps(self.0, b.0)) }
+        }
+        #[inline(always)]
+        unsafe fn where_between(self, x: Self, low: Self, high: Self) -> Self {
+            unsafe {
+                let above = _mm512_cmp_ps_mask::<_CMP_LT_OQ>(low.0, x.0);
+                Zmm(_mm512_maskz_mov_ps(_mm512_mask_cmp_ps_mask::<_CMP_LT_OQ>(above, x.0, high.0), self.0))
+            }
+        }
+        #[inline(always)]
+        unsafe fn where_equal(self, a: Self, b: Self) -> Self {
+            unsafe { Zmm(_mm512_maskz_mov_ps(_mm512_cmp_ps_mask::<_CMP_EQ_OQ>(a.0, b.0), self.0)) }
+        }
+        #[inline(always)]
+        unsafe fn where_greater(self, a: Self, b: Self, other: Self) -> Self {
+            unsafe { Zmm(_mm512_mask_mov_ps(other.0, _mm512_cmp_ps_mask::<_CMP_GT_OQ>(a.0, b.0), self.0)) }
+        }
+        #[inline(always)]
+        unsafe fn load_bytes(from: *const u8, n: usize) -> Self {
+            unsafe {
+                let bytes = if n == 16 {
+                    _mm_loadu_si128(from.cast())
+                } else {
+                    let mut bytes = [0u8; 16];
+                    std::ptr::copy_nonoverlapping(from, bytes.as_mut_ptr(), n);
+                    _mm_loadu_si128(bytes.as_ptr().cast())
+                };
+                Zmm(_mm512_cvtepi32_ps(_mm512_cvtepu8_epi32(bytes)))
+            }
+        }
+        #[inline(always)]
+        unsafe fn store_bytes(self, to: *mut u8, n: usize) {
+            unsafe { _mm512_mask_cvtepi32_storeu_epi8(to.cast(), low_bits(n), _mm512_cvttps_epi32(self.0)) }
+        }
     }
 
     impl Simd for Ymm {
@@ -302,6 +379,44 @@ mod x86 {
         #[inline(always)]
         unsafe fn min(self, b: Self) -> Self {
             unsafe { Ymm(_mm256_min_ps(self.0, b.0)) }
+        }
+        #[inline(always)]
+        unsafe fn sub(self, b: Self) -> Self {
+            unsafe { Ymm(_mm256_sub_ps(self.0, b.0)) }
+        }
+        #[inline(always)]
+        unsafe fn where_between(self, x: Self, low: Self, high: Self) -> Self {
+            unsafe {
+                let above = _mm256_cmp_ps::<_CMP_LT_OQ>(low.0, x.0);
+                let below = _mm256_cmp_ps::<_CMP_LT_OQ>(x.0, high.0);
+                Ymm(_mm256_and_ps(self.0, _mm256_and_ps(above, below)))
+            }
+        }
+        #[inline(always)]
+        unsafe fn where_equal(self, a: Self, b: Self) -> Self {
+            unsafe { Ymm(_mm256_and_ps(self.0, _mm256_cmp_ps::<_CMP_EQ_OQ>(a.0, b.0))) }
+        }
+        #[inline(always)]
+        unsafe fn where_greater(self, a: Self, b: Self, other: Self) -> Self {
+            unsafe { Ymm(_mm256_blendv_ps(other.0, self.0, _mm256_cmp_ps::<_CMP_GT_OQ>(a.0, b.0))) }
+        }
+        #[inline(always)]
+        unsafe fn load_bytes(from: *const u8, n: usize) -> Self {
+            unsafe {
+                let mut bytes = [0u8; 8];
+                std::ptr::copy_nonoverlapping(from, bytes.as_mut_ptr(), n);
+                Ymm(_mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(_mm_loadl_epi64(bytes.as_ptr().cast()))))
+            }
+        }
+        #[inline(always)]
+        unsafe fn store_bytes(self, to: *mut u8, n: usize) {
+            unsafe {
+                let whole = _mm256_cvttps_epi32(self.0);
+                let words = _mm_packus_epi32(_mm256_castsi256_si128(whole), _mm256_extracti128_si256::<1>(whole));
+                let mut bytes = [0u8; 8];
+                _mm_storel_epi64(bytes.as_mut_ptr().cast(), _mm_packus_epi16(words, words));
+                std::ptr::copy_nonoverlapping(bytes.as_ptr(), to, n);
+            }
         }
     }
 }

@@ -9,7 +9,7 @@ use crate::config::spec::Activation;
 use crate::kernel::{Mat, matmul};
 
 /// The values of a contiguous f32 tensor inside an operation.
-pub(super) fn values<'a>(storage: &'a CpuStorage, layout: &Layout) -> Result<&'a [f32]> {
+pub(crate) fn values<'a>(storage: &'a CpuStorage, layout: &Layout) -> Result<&'a [f32]> {
     match layout.contiguous_offsets() {
         Some((begin, end)) => Ok(&storage.as_slice::<f32>()?[begin..end]),
         None => bail!("tensor with gaps where one without is needed"),

@@ -23,7 +23,7 @@ pub use projection::Projection;
 pub use standardise::{Scale, Standardisation};
 
 pub(crate) use activation::{activate, times_slope};
-pub(crate) use dense::{Gradient, read};
+pub(crate) use dense::{Gradient, read, values};
 pub(crate) use loss::{LossOp, scaled_gradient};
 
 use std::path::PathBuf;

@@ -3,9 +3,9 @@
 use serde_json::Value;
 
 use super::Error;
+use super::inputs::Inputs;
 use crate::config::spec::{Experiment, LayerSpec, NetworkSpec, PanoramaSource, PrunerKind, SamplerKind};
 use crate::dataset::{Dataset, Subset};
-use crate::features::FeatureSet;
 use crate::panorama::Catalogue;
 use crate::search::TrialState;
 use crate::store::RunFolder;
@@ -20,19 +20,17 @@ pub(super) struct Subject<'a> {
     pub spec: &'a Experiment,
     pub catalogue: &'a Catalogue,
     pub dataset: &'a Dataset,
-    /// What heads are trained on.
-    pub features: &'a FeatureSet,
-    /// How many features the backbone gives.
-    pub all_features: usize,
+    /// What the backbone gives.
+    pub inputs: &'a Inputs<'a>,
     pub trials: &'a [TrialArtefact],
     /// The tuned arm's network.
     pub network: &'a NetworkSpec,
 }
 
 /// Writes the three files.
-pub(super) fn write(folder: &RunFolder, subject: &Subject<'_>, backbone_parameters: u64) -> Result<(), Error> {
+pub(super) fn write(folder: &RunFolder, subject: &Subject<'_>) -> Result<(), Error> {
     write_flow(folder.path(), &flow(subject))?;
-    write_layers(folder.path(), &layers(subject, backbone_parameters))?;
+    write_layers(folder.path(), &layers(subject))?;
     Ok(write_warnings(folder.path(), &warnings(subject))?)
 }
 
@@ -87,7 +85,7 @@ fn flow(subject: &Subject<'_>) -> Vec<FlowStep> {
         count(Subset::Validation),
         count(Subset::Test)
     );
-    let (rows, dim) = (subject.features.rows().len() as u64, subject.features.dim() as u64);
+    let dim = subject.inputs.dim() as u64;
     let weights =
         format!("{}, {} weights, {}", text(&spec.backbone.architecture), spec.backbone.weights, spec.backbone.tune);
     let refits = format!("2 arms × {} seeds, early stopping on validation", spec.evaluation.refit_seeds);
@@ -102,11 +100,7 @@ fn flow(subject: &Subject<'_>) -> Vec<FlowStep> {
             format!("{} panoramas, {width} px wide", thousands(panoramas.len() as u64)),
         ),
         step("dataset", labels, split),
-        step(
-            "features",
-            weights,
-            format!("{} rows × {} features", thousands(rows), thousands(subject.all_features as u64)),
-        ),
+        step("features", weights, subject.inputs.words()),
         step("study", study_words(spec), trial_counts(subject.trials)),
         step("refit", refits, format!("{} networks", 2 * spec.evaluation.refit_seeds)),
         step(
@@ -115,7 +109,7 @@ fn flow(subject: &Subject<'_>) -> Vec<FlowStep> {
             format!("{} test views of {} panoramas", count(Subset::Test), test_panoramas.len()),
         ),
     ];
-    if spec.backbone.components > 0 {
+    if subject.inputs.has_components() {
         let what = "directions of largest variance, from plain training rows".to_owned();
         steps.insert(3, step("components", what, format!("{} components", thousands(dim))));
     }
@@ -152,25 +146,25 @@ fn trial_counts(trials: &[TrialArtefact]) -> String {
     format!("{} trials: {complete} complete, {pruned} pruned, {failed} failed", trials.len())
 }
 
-fn layers(subject: &Subject<'_>, backbone_parameters: u64) -> Vec<LayerRow> {
+fn layers(subject: &Subject<'_>) -> Vec<LayerRow> {
     let spec = subject.spec;
     let row =
         |name: String, shape: String, detail: String, parameters: u64| LayerRow { name, shape, detail, parameters };
     let side = spec.backbone.input_px;
-    let dim = subject.features.dim() as u64;
+    let dim = subject.inputs.dim() as u64;
     let taps = spec.backbone.taps.join(", ");
     let backbone = format!("{} ({})", text(&spec.backbone.architecture), spec.backbone.tune);
     let mut rows = vec![
         row("input".to_owned(), format!("{side} × {side} × 3"), "RGB view".to_owned(), 0),
-        row(backbone, format!("taps {taps}"), format!("weights {}", spec.backbone.weights), backbone_parameters),
+        row(backbone, format!("taps {taps}"), format!("weights {}", spec.backbone.weights), subject.inputs.parameters),
         row(
             "features".to_owned(),
-            thousands(subject.all_features as u64),
+            thousands(subject.inputs.all_features as u64),
             format!("mean of the map and of {} rings", spec.backbone.rings),
             0,
         ),
     ];
-    if spec.backbone.components > 0 {
+    if subject.inputs.has_components() {
         rows.push(row("components".to_owned(), thousands(dim), "of largest variance (fixed)".to_owned(), 0));
     }
     let mut inputs = dim;

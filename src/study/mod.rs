@@ -9,8 +9,11 @@ mod arms;
 mod describe;
 mod error;
 mod gallery;
+mod inputs;
+mod networks;
 mod outputs;
 mod plan;
+mod pretrain;
 mod stages;
 mod suite;
 mod trials;
@@ -25,14 +28,14 @@ pub use weights::{install_weights, list_weights};
 use std::path::{Path, PathBuf};
 
 use crate::config::LoadedExperiment;
+use crate::config::spec::Kind;
 use crate::kernel;
-use crate::network::Coding;
 use crate::pipeline::events::Events;
 use crate::pipeline::progress::Progress;
 use crate::provenance::Provenance;
 use crate::store::{self, Opened, RunFolder, write_json};
-use crate::train::TrainingData;
 
+use inputs::Inputs;
 use stages::Stages;
 
 /// What is not part of an experiment: where things are, and how many hands there are.
@@ -84,6 +87,7 @@ pub fn run(experiment: &LoadedExperiment, options: &Options, progress: &dyn Prog
         Opened::Finished(folder) => Ok(Finished { folder, already: true }),
         Opened::Busy(folder) => Err(Error::Busy { folder }),
         Opened::Unfinished(folder) => {
+            let execute = if spec.kind == Kind::Pretraining { pretrain::execute } else { execute };
             let path = execute(experiment, options, folder, progress)?;
             Ok(Finished { folder: path, already: false })
         }
@@ -104,33 +108,31 @@ fn execute(
     let stages = Stages::new(spec, options, &events, progress);
     let catalogue = stages.panoramas()?;
     let dataset = stages.dataset(&catalogue)?;
-    let (features, backbone) = stages.features(&dataset)?;
-    let all_features = features.value.dim();
-    let features = stages.components(features, &dataset)?;
     let spectra = stages.spectra(&dataset)?;
+    let views = dataset.value.views();
+    let image = |row| stages.network_input(&dataset.value, row);
+    let inputs = Inputs::make(spec, options, &stages, &dataset)?;
+    let training = inputs.training(spec, views, &image)?;
 
-    let training = stages::training(spec, &features.value, dataset.value.views())?;
-    let rows = training.data.train_rows() as f64;
+    let rows = training.rows();
     let trials = stages::training_units(spec, spec.search.trials, rows);
     let searched = stages.timed("study", trials, || trials::search(spec, options, &folder, &training, &stages))?;
     let refits = stages::training_units(spec, 2 * spec.evaluation.refit_seeds, rows);
-    let heads =
-        stages.timed("refit", refits, || arms::refit(spec, options, &folder, &training, &searched.best, &stages))?;
+    let predictions = stages
+        .timed("refit", refits, || arms::refit(spec, options, &folder, &training, &searched.best, views, &stages))?;
 
-    stages.timed("evaluation", 1.0, || {
-        arms::evaluate(spec, &folder, &heads, &features.value, &dataset.value, &spectra.value)
-    })?;
+    stages
+        .timed("evaluation", 1.0, || networks::evaluate(spec, &folder, predictions, &dataset.value, &spectra.value))?;
     stages.timed("report", 1.0, || {
         let subject = describe::Subject {
             spec,
             catalogue: &catalogue.value,
             dataset: &dataset.value,
-            features: &features.value,
-            all_features,
+            inputs: &inputs,
             trials: &searched.trials,
             network: &searched.best.0,
         };
-        describe::write(&folder, &subject, backbone.parameters() as u64)?;
+        describe::write(&folder, &subject)?;
         gallery::write(spec, &folder, &catalogue.value, &dataset.value)?;
         outputs::write(&folder)
     })?;
@@ -145,13 +147,6 @@ fn describe_run(experiment: &LoadedExperiment, options: &Options, folder: &RunFo
     store::write(&folder.join("resolved.yaml"), experiment.resolved_yaml()?.as_bytes())?;
     let provenance = Provenance::gather(&experiment.path, kernel::isa().name(), options.threads);
     Ok(write_json(&folder.join("provenance.json"), &provenance)?)
-}
-
-/// What trials and refits are trained on.
-#[derive(Debug)]
-struct Training {
-    data: TrainingData,
-    coding: Coding,
 }
 
 /// Where weights files are looked for: the cache, then the development data.

@@ -3,10 +3,11 @@
 use std::path::Path;
 
 use super::describe::thousands;
-use super::stages::{self, COMPONENTS, DATASET, FEATURES, SPECTRA, Stages};
+use super::stages::{self, COMPONENTS, DATASET, FEATURES, MAPS, SPECTRA, Stages};
 use super::{Error, Options, trials};
+use crate::backbone::Tunable;
 use crate::config::LoadedExperiment;
-use crate::config::spec::{Experiment, PanoramaSource};
+use crate::config::spec::{Experiment, PanoramaSource, Tune};
 use crate::pipeline::plan::{Need, Step};
 use crate::pipeline::rates::Rates;
 use crate::store::{Artefact, Cache, Hash, RunFolder};
@@ -84,11 +85,25 @@ impl Planner<'_> {
                 (views, default_rate::DATASET),
             ),
         ];
-        let (features, spectra) = match &dataset {
-            Some(d) => (self.features(d, options)?, self.has_spectra(d)?),
-            None => (None, false),
-        };
+        let spectra = dataset.as_ref().map(|d| self.has_spectra(d)).transpose()?.unwrap_or(false);
         let above = dataset.as_ref().map(|_| "dataset");
+        steps.push(self.step("spectra", count(views, "views"), spectra, above, (views, default_rate::SPECTRA)));
+        match self.spec.backbone.tune {
+            Tune::Frozen => steps.extend(self.feature_steps(dataset.as_ref(), rows, options)?),
+            Tune::Last(_) => {
+                let maps = dataset.as_ref().map(|d| self.has_maps(d, options)).transpose()?.unwrap_or(false);
+                steps.push(self.step("maps", count(rows, "rows"), maps, above, (rows, default_rate::FEATURES)));
+            }
+            Tune::Full => {}
+        }
+        Ok(steps)
+    }
+
+    fn feature_steps(&self, dataset: Option<&Artefact>, rows: f64, options: &Options) -> Result<Vec<Step>, Error> {
+        let count = |n: f64, what: &str| format!("{} {what}", thousands(n.round() as u64));
+        let features = dataset.map(|d| self.features(d, options)).transpose()?.flatten();
+        let above = dataset.map(|_| "dataset");
+        let mut steps = Vec::new();
         steps.push(self.step(
             "features",
             count(rows, "rows"),
@@ -103,8 +118,13 @@ impl Planner<'_> {
             let above = features.as_ref().map(|_| "features");
             steps.push(self.step("components", what, done, above, (rows, default_rate::COMPONENTS)));
         }
-        steps.push(self.step("spectra", count(views, "views"), spectra, above, (views, default_rate::SPECTRA)));
         Ok(steps)
+    }
+
+    fn has_maps(&self, dataset: &Artefact, options: &Options) -> Result<bool, Error> {
+        let (backbone, _) = Tunable::load(&self.spec.backbone, stages::weights_source(self.spec, &options.weights)?)?;
+        let key = dataset.derive_key(MAPS, &stages::maps_key_parts(self.spec, &backbone))?;
+        Ok(self.cache.contains("maps", &key))
     }
 
     fn features(&self, dataset: &Artefact, options: &Options) -> Result<Option<Artefact>, Error> {

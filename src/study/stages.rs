@@ -9,25 +9,27 @@ use rayon::prelude::*;
 use serde::Serialize;
 use serde_json::json;
 
-use super::{Error, Options, Training};
-use crate::backbone::{self, Backbone, Variant, WeightsSource};
+use super::{Error, Options};
+use crate::backbone::{self, Backbone, Tunable, Variant, WeightsSource};
 use crate::config::spec::{Experiment, PanoramaSource};
 use crate::dataset::{self, Dataset, Subset, View};
 use crate::features::{self, FeatureRow, FeatureSet};
-use crate::network::{Coding, Projection, Scale};
+use crate::network::Projection;
 use crate::panorama::{self, Catalogue};
 use crate::pipeline::events::Events;
 use crate::pipeline::progress::Progress;
 use crate::pipeline::rates::Rates;
 use crate::rng;
 use crate::store::{self, Artefact, ArtefactWriter, Cache, Hash, hash_json, write_json};
-use crate::train::{self, TrainingData};
+use crate::train;
 
 /// Versions of the stages: raised whenever the same input gives another result.
 pub(super) const PANORAMAS: u32 = 1;
 pub(super) const DATASET: u32 = 1;
 pub(super) const FEATURES: u32 = 1;
 pub(super) const COMPONENTS: u32 = 1;
+pub(super) const MAPS: u32 = 1;
+const IMAGES: u32 = 1;
 pub(super) const SPECTRA: u32 = 1;
 
 /// Training views on which the batch norm of random backbones is calibrated.
@@ -180,7 +182,26 @@ impl<'a> Stages<'a> {
         Ok((Backbone::load(&spec.backbone, source)?, variant))
     }
 
-    fn network_input(&self, dataset: &Dataset, row: FeatureRow) -> Vec<u8> {
+    /// What the frozen blocks of `backbone` hand on to the trained ones, for each copy of each view.
+    pub(super) fn maps(&self, dataset: &Made<Dataset>, backbone: &Tunable) -> Result<Made<FeatureSet>, Error> {
+        let key = dataset.artefact.derive_key(MAPS, &maps_key_parts(self.spec, backbone))?;
+        let rows = feature_rows(dataset.value.views(), self.spec.augment.copies);
+        let artefact = self.artefact(("maps", MAPS), &key, rows.len() as f64, |writer| {
+            let image = |row: FeatureRow| self.network_input(&dataset.value, row);
+            Ok(features::write_maps(writer, backbone.intake(), &rows, &image, self.progress)?)
+        })?;
+        let value = FeatureSet::open(&artefact)?;
+        Ok(Made { artefact, value })
+    }
+
+    /// Names the images that backbones are trained on: views, changes, and size.
+    pub(super) fn image_origin(&self, dataset: &Made<Dataset>) -> Result<Hash, Error> {
+        let parts = json!({ "px": self.spec.backbone.input_px, "augment": self.spec.augment, "seed": self.spec.seed });
+        Ok(dataset.artefact.derive_key(IMAGES, &parts)?)
+    }
+
+    /// The image of a copy of a view, as the backbone takes it.
+    pub(super) fn network_input(&self, dataset: &Dataset, row: FeatureRow) -> Vec<u8> {
         let side = dataset.image_px() as usize;
         let plain = dataset.pixels(row.view as usize);
         let changed = dataset::augmented(plain, side, &self.spec.augment, self.spec.seed, row.view, row.copy);
@@ -294,12 +315,20 @@ pub(super) fn features_key_parts(spec: &Experiment, backbone: &Backbone, variant
         "weights": backbone.weights_hash(), "variant": variant, "augment": spec.augment, "seed": spec.seed })
 }
 
+/// What the maps depend on beside the views' pixels.
+pub(super) fn maps_key_parts(spec: &Experiment, backbone: &Tunable) -> impl Serialize {
+    let b = &spec.backbone;
+    json!({ "architecture": b.architecture, "px": b.input_px, "taps": b.taps, "rings": b.rings, "tune": b.tune,
+        "weights": backbone.weights_hash(), "variant": backbone.variant(), "augment": spec.augment, "seed": spec.seed })
+}
+
 fn key(parts: &serde_json::Value) -> Result<Hash, Error> {
     let path = std::path::PathBuf::from("key");
     Ok(hash_json(parts).map_err(|source| store::Error::Serialise { path, source })?)
 }
 
-fn weights_source(spec: &Experiment, folders: &[std::path::PathBuf]) -> Result<WeightsSource, Error> {
+/// Where the weights of an experiment's backbone come from.
+pub(super) fn weights_source(spec: &Experiment, folders: &[std::path::PathBuf]) -> Result<WeightsSource, Error> {
     match spec.backbone.weights.as_str() {
         "seeded" => Ok(WeightsSource::Seeded { seed: spec.seed }),
         name => {
@@ -324,24 +353,18 @@ pub(super) fn feature_rows(views: &[View], copies: u32) -> Vec<FeatureRow> {
     plain.chain(changed).collect()
 }
 
-/// Standardised features with labels, shared by all trials and refits.
-pub(super) fn training(spec: &Experiment, features: &FeatureSet, views: &[View]) -> Result<Training, Error> {
-    let coding = Coding::new(spec.network.labels, &spec.dataset.focal_px, &spec.dataset.distortion);
-    let scale = if spec.backbone.components == 0 { Scale::Each } else { Scale::Common };
-    let data = TrainingData::build(features.all(), features.dim(), features.rows(), views, scale)?;
-    Ok(Training { data, coding })
-}
-
-/// The epochs of one training as part of those of all.
+/// The epochs of one training as part of those of all, and what it tells of within an epoch.
 pub(super) struct Epochs<'a> {
     stages: &'a Stages<'a>,
     left: AtomicU64,
+    /// Levels begun: 1 counts epochs, deeper ones are shown as they are.
+    depth: AtomicU64,
 }
 
 impl<'a> Epochs<'a> {
     /// A training of at most `epochs` epochs.
     pub(super) fn new(stages: &'a Stages<'a>, epochs: u32) -> Self {
-        Self { stages, left: AtomicU64::new(epochs.into()) }
+        Self { stages, left: AtomicU64::new(epochs.into()), depth: AtomicU64::new(0) }
     }
 
     /// The training ended: the epochs that it did not need are done, too.
@@ -351,13 +374,24 @@ impl<'a> Epochs<'a> {
 }
 
 impl Progress for Epochs<'_> {
-    fn begin(&self, _: &str, _: u64) {}
+    fn begin(&self, what: &str, total: u64) {
+        if self.depth.fetch_add(1, Ordering::Relaxed) > 0 {
+            self.stages.progress.begin(what, total);
+        }
+    }
     fn advance(&self, by: u64) {
+        if self.depth.load(Ordering::Relaxed) > 1 {
+            return self.stages.progress.advance(by);
+        }
         let before = self.left.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |n| Some(n.saturating_sub(by)));
         self.stages.progress.advance(by.min(before.unwrap_or(0)));
     }
     fn note(&self, _: &str) {}
-    fn end(&self) {}
+    fn end(&self) {
+        if self.depth.fetch_sub(1, Ordering::Relaxed) > 1 {
+            self.stages.progress.end();
+        }
+    }
     fn interrupted(&self) -> bool {
         self.stages.interrupted()
     }

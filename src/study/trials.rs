@@ -4,8 +4,9 @@ use std::path::{Path, PathBuf};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+use super::networks::{Settings, TrainedNetwork, Training};
 use super::stages::{Epochs, Stages};
-use super::{Error, Options, Training};
+use super::{Error, Options};
 use crate::config::spec::{Experiment, NetworkSpec, TrainSpec};
 use crate::rng::derive_seed;
 use crate::search::storage;
@@ -13,7 +14,7 @@ use crate::search::{self, Next, Outcome, Param, Rules, SharedStudy, Space, Ticke
 use crate::store::{self, RunFolder};
 use crate::tables::artefacts::{ImportanceRow, ParamValue, TrialArtefact};
 use crate::tables::{write_importance, write_trial};
-use crate::train::{self, EpochRecord, Fitted, Job, Observer, Stopped, Verdict, fit};
+use crate::train::{self, EpochRecord, Observer, Stopped, Trained, Verdict};
 
 /// The study's database, in the run's folder.
 pub(super) const DATABASE: &str = "study.db";
@@ -62,7 +63,7 @@ pub(super) fn search(
     stages.progress.advance(done * epochs);
     let office =
         Office { spec, space, run: run.path(), training, stages, study: Mutex::new(study), changed: Condvar::new() };
-    let workers = options.threads.min(spec.search.concurrency as usize).max(1);
+    let workers = training.workers(options).min(spec.search.concurrency as usize).max(1);
     let result = side_by_side(workers, || office.work());
     stages.progress.end();
     stages.progress.end();
@@ -90,7 +91,7 @@ struct Office<'a> {
     spec: &'a Experiment,
     space: Space,
     run: &'a Path,
-    training: &'a Training,
+    training: &'a Training<'a>,
     stages: &'a Stages<'a>,
     study: Mutex<SharedStudy>,
     changed: Condvar,
@@ -161,23 +162,23 @@ impl Office<'_> {
         let number = ticket.number;
         let (network, train) = self.settings(&ticket.params)?;
         let checkpoint = folder(self.run, number).join("checkpoint");
-        let job = Job {
+        let settings = Settings {
             network: &network,
             train: &train,
-            coding: &self.training.coding,
-            data: &self.training.data,
             seed: derive_seed(self.spec.seed, "trial", &[number.into()]),
-            checkpoint: Some(&checkpoint),
+            checkpoint: &checkpoint,
         };
         let epochs = Epochs::new(self.stages, train.epochs);
         let mut judge = Judge { office: self, number, error: None };
-        let fitted = fit(&job, &mut judge, &epochs);
+        let fitted = self.training.train(settings, &mut judge, &epochs);
         if let Some(error) = judge.error {
             return Err(error);
         }
         let (outcome, fitted) = match fitted {
-            Ok(fitted) if fitted.stopped == Stopped::Pruned => (Outcome::Pruned, Some(fitted)),
-            Ok(fitted) => (Outcome::Complete(vec![fitted.best_objective]), Some(fitted)),
+            Ok(TrainedNetwork { trained, .. }) if trained.stopped == Stopped::Pruned => {
+                (Outcome::Pruned, Some(trained))
+            }
+            Ok(TrainedNetwork { trained, .. }) => (Outcome::Complete(vec![trained.best_objective]), Some(trained)),
             Err(diverged @ train::Error::Diverged { .. }) => (Outcome::Failed(diverged.to_string()), None),
             Err(train::Error::Interrupted) => return Err(Error::Interrupted),
             Err(other) => return Err(other.into()),
@@ -227,7 +228,7 @@ impl Office<'_> {
 }
 
 /// What is shown of a trial.
-fn shown(record: &Trial, fitted: Option<&Fitted>) -> TrialArtefact {
+fn shown(record: &Trial, fitted: Option<&Trained>) -> TrialArtefact {
     TrialArtefact {
         number: record.number,
         state: record.state,

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::{Error, Options};
 use crate::backbone::{self, Backbone, WeightsDescription, WeightsSource};
-use crate::config::spec::{BackboneSpec, Tune};
+use crate::config::spec::{Architecture, BackboneSpec, Tune};
 use crate::store;
 
 /// An input that every architecture takes.
@@ -12,8 +12,9 @@ const SMALLEST_INPUT: u32 = 75;
 
 /// Checks `file` and copies it to the cache folder's `weights/`.
 ///
-/// Without `like` it must be the file that the description `name` means. With it, `file` becomes the
-/// weights `name`, described as `like` is, and the description is written beside it.
+/// With `like`, `file` becomes the weights `name`, described as `like` is. Without it, a file beside which a description
+/// stands (the same name, ending in `.yaml`), as a pretraining writes it, becomes the weights `name`; any other must be the
+/// file that the description `name` means.
 ///
 /// # Errors
 /// An unknown name, another checksum, tensors that are missing, extra or of another shape.
@@ -22,17 +23,24 @@ pub fn install_weights(file: &Path, name: &str, like: Option<&str>, options: &Op
     if !name.starts_with(|c: char| c.is_ascii_alphanumeric()) || !name.chars().all(plain) {
         return Err(Error::WeightsName { name: name.to_owned() });
     }
-    let mut description = backbone::describe(like.unwrap_or(name), &options.weights)?;
-    if like.is_some() {
+    let beside = file.with_extension("yaml");
+    let described = like.is_none() && beside.is_file();
+    let mut description = match described {
+        true => WeightsDescription::read(&beside)?,
+        false => backbone::describe(like.unwrap_or(name), &options.weights)?,
+    };
+    if like.is_some() || described {
         let ending = file.extension().unwrap_or_default().to_string_lossy();
         description.file = format!("{name}.{ending}");
+    }
+    if like.is_some() {
         description.sha256 = store::hash_file(file)?.to_string();
     }
     check_tensors(file, &description)?;
     let folder = options.cache.join("weights");
     let target = folder.join(&description.file);
     store::copy(file, &target)?;
-    if like.is_some() {
+    if like.is_some() || described {
         store::write(&folder.join(format!("{name}.yaml")), serde_yaml::to_string(&description)?.as_bytes())?;
     }
     Ok(target)
@@ -45,13 +53,17 @@ fn check_tensors(file: &Path, description: &WeightsDescription) -> Result<(), Er
         input_px: SMALLEST_INPUT,
         weights: "file".to_owned(),
         tune: Tune::Frozen,
-        taps: Backbone::tap_names(description.architecture).into_iter().next_back().into_iter().collect(),
+        taps: vec![description.last_block.clone().unwrap_or_else(|| last_block(description.architecture))],
         rings: 0,
         components: 0,
     };
     let source = WeightsSource::File { path: file.to_owned(), description: description.clone() };
     Backbone::load(&spec, source)?;
     Ok(())
+}
+
+fn last_block(architecture: Architecture) -> String {
+    Backbone::tap_names(architecture).pop().unwrap_or_default()
 }
 
 /// Every description that the program knows, with the place of its file or how to get it.

@@ -30,7 +30,7 @@ impl<'a> CandleHead<'a> {
         let rows = (job.train.batch_size as usize).min(data.train_rows());
         Ok(Self {
             job,
-            names: head.layers().iter().map(Layer::parameter_names).collect(),
+            names: head_names(&head),
             head,
             targets: data.train_labels().iter().map(|label| job.coding.encode(label.0, label.1)).collect(),
             batch: Tensor::zeros((rows, data.dim()), DType::F32, &Device::Cpu)?,
@@ -55,11 +55,7 @@ impl Engine for CandleHead<'_> {
     fn gradients(&mut self, rows: &[u32], place: Place, share: f64) -> Result<f64, Error> {
         self.batch.inplace_op1(&Gather { data: self.job.data, rows })?;
         let x = self.batch.narrow(0, 0, rows.len())?;
-        let mut masks = |layer, n, dropped| {
-            let mut mask = vec![0.0; n];
-            draws::dropout_mask(self.job.seed, place, layer, dropped, &mut mask);
-            mask
-        };
+        let mut masks = |layer, n, dropped| draws::dropout_mask(self.job.seed, place, layer, n, dropped);
         let targets = rows.iter().flat_map(|row| self.targets[*row as usize]).collect();
         let outputs = self.head.forward(&x, &mut masks)?;
         let loss = outputs.apply_op1(LossOp { loss: self.job.train.loss, targets, share })?;
@@ -72,16 +68,7 @@ impl Engine for CandleHead<'_> {
     }
 
     fn tensors(&mut self, visit: &mut dyn FnMut(TensorMut<'_>)) -> Result<(), Error> {
-        for (layer, [weight, bias]) in self.head.layers().iter().zip(&self.names) {
-            let gradient = layer.gradient();
-            let parts = [(&layer.weight, weight, &gradient.weight, true), (&layer.bias, bias, &gradient.bias, false)];
-            for (variable, name, gradient, decays) in parts {
-                change(variable, |values| {
-                    visit(TensorMut { name, values, gradient, decays, group: Group::Head });
-                })?;
-            }
-        }
-        Ok(())
+        visit_head(&self.head, &self.names, visit)
     }
 
     fn validate(&mut self) -> Result<Vec<[f32; 2]>, Error> {
@@ -95,6 +82,27 @@ impl Engine for CandleHead<'_> {
     fn coding(&self) -> &Coding {
         self.job.coding
     }
+}
+
+/// Names of each layer's weights and biases.
+pub(super) fn head_names(head: &Head) -> Vec<[String; 2]> {
+    head.layers().iter().map(Layer::parameter_names).collect()
+}
+
+/// Hands a head's tensors to `visit`, layer by layer.
+pub(super) fn visit_head(
+    head: &Head,
+    names: &[[String; 2]],
+    visit: &mut dyn FnMut(TensorMut<'_>),
+) -> Result<(), Error> {
+    for (layer, [weight, bias]) in head.layers().iter().zip(names) {
+        let gradient = layer.gradient();
+        let parts = [(&layer.weight, weight, &gradient.weight, true), (&layer.bias, bias, &gradient.bias, false)];
+        for (variable, name, gradient, decays) in parts {
+            change(variable, |values| visit(TensorMut { name, values, gradient, decays, group: Group::Head }))?;
+        }
+    }
+    Ok(())
 }
 
 /// Copies `rows` of the training matrix to the first rows of a tensor.
@@ -118,7 +126,7 @@ impl InplaceOp1 for Gather<'_> {
 }
 
 /// Hands a contiguous variable's values to a function that may change them.
-fn change(variable: &Var, work: impl FnMut(&mut [f32])) -> CandleResult<()> {
+pub(super) fn change(variable: &Var, work: impl FnMut(&mut [f32])) -> CandleResult<()> {
     variable.inplace_op1(&Change(RefCell::new(work)))
 }
 

@@ -71,7 +71,6 @@ pub(crate) enum Group {
     /// The dense layers on top.
     Head,
     /// The convolutional layers below.
-    #[allow(dead_code)] // DELETE
     Backbone,
 }
 

@@ -67,7 +67,7 @@ pub enum Stopped {
 
 /// A training that came to its end.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Trained {
+pub struct Trained {
     /// All epochs, in order.
     pub curve: Vec<EpochRecord>,
     /// Epoch with the lowest objective on validation, the earliest of equals.

@@ -1,4 +1,4 @@
-//! Training of one network: loop, optimisers, dropout, early stopping, checkpoint.
+//! Training of one network: loop, optimisers, schedules, dropout, early stopping, checkpoint.
 //!
 //! The [loop](self::fit) decides when what happens, an [`Engine`](engine::Engine) computes. [`fit()`] trains a head on
 //! the rows of a [`TrainingData`], which all trials share. It runs on the calling thread only; trials run beside each
@@ -15,19 +15,20 @@ mod fused;
 mod head;
 mod optimizer;
 mod schedule;
+mod tuning;
 
 pub use data::TrainingData;
-pub use fit::{Observer, Stopped, Verdict};
+pub use fit::{Observer, Stopped, Trained, Verdict};
 pub use head::{Fitted, Job, fit};
+pub use tuning::{Images, TunedNetwork, Tuning, TuningData, TuningJob, TuningSteps, tune};
 
-#[allow(unused_imports)] // DELETE
-pub(crate) use fit::{Plan, Trained, fit_engine};
+use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
 use crate::dataset::Subset;
 use crate::error::{Class, Classify};
-use crate::{network, store};
+use crate::{backbone, network, store};
 
 /// Range of f in the paper, px: the unit of its error in the objective.
 const F_RANGE_PX: f64 = 450.0;
@@ -120,12 +121,33 @@ pub enum Error {
         /// Number that the network has.
         expected: usize,
     },
+    /// Weights that do not fit.
+    #[error(transparent)]
+    Backbone(#[from] backbone::Error),
+    /// Trained weights could not be written as a file; a bug.
+    #[error("the trained weights cannot be written: {0}")]
+    Export(String),
+    /// A trained network's file does not fit the experiment.
+    #[error("`{}` is not a backbone trained by this experiment: {reason}", path.display())]
+    Model {
+        /// Which file.
+        path: PathBuf,
+        /// Why.
+        reason: String,
+    },
     /// The network.
     #[error(transparent)]
     Network(#[from] network::Error),
     /// The disk.
     #[error(transparent)]
     Store(#[from] store::Error),
+}
+
+impl Error {
+    /// A key that cannot be written as JSON; a bug.
+    fn serialise(source: serde_json::Error) -> Self {
+        Error::Store(store::Error::Serialise { path: PathBuf::from("training"), source })
+    }
 }
 
 impl From<candle_core::Error> for Error {
@@ -139,6 +161,8 @@ impl Classify for Error {
         match self {
             Error::Interrupted => Class::Interrupted,
             Error::Empty { .. } => Class::Input,
+            Error::Backbone(e) => e.class(),
+            Error::Model { .. } => Class::Input,
             Error::Network(e) => e.class(),
             Error::Store(e) => e.class(),
             _ => Class::Run,

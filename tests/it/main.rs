@@ -14,3 +14,4 @@ mod reruns;
 mod study_commands;
 mod shared_study;
 mod support;
+mod tuning;

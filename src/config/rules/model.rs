@@ -9,12 +9,12 @@ use crate::config::spec::{
 const ONE_BACKBONE: &str = "needs training through the backbone, which this version does not do";
 
 pub(super) fn backbone(rules: &mut Rules<'_>, spec: &BackboneSpec) {
-    if spec.tune != Tune::Frozen {
-        let message = format!("`backbone.tune: {}` {ONE_BACKBONE}", spec.tune);
+    if let (Tune::Last(n), "seeded") = (spec.tune, spec.weights.as_str()) {
+        let message = format!("`backbone.tune: last:{n}` would train on top of random blocks that stay random");
         rules.refuse(
-            "backbone.tune",
+            "backbone.tune backbone.weights",
             message,
-            "write `tune: frozen`: features are computed once and the head is trained on them",
+            "name trained weights, or write `tune: full` or `frozen`",
         );
     }
     let known = taps(spec.architecture);

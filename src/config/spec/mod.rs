@@ -34,6 +34,8 @@ pub enum Kind {
     Experiment,
     /// Several experiments whose results are put into common tables.
     Suite,
+    /// One training of a backbone, whose weights other experiments can begin with.
+    Pretraining,
 }
 
 /// The scale of a run.
@@ -50,11 +52,13 @@ pub enum Profile {
     Tiny,
 }
 
-/// One study, as declared by `experiments/*.yaml` and composed from `configs/`.
+/// One study, or one pretraining, as declared by `experiments/*.yaml` and composed from `configs/`.
+///
+/// A pretraining has no search and one arm: of `search`, `baseline` and `report` nothing applies to it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Experiment {
-    /// Always `experiment`.
+    /// `experiment` or `pretraining`.
     pub kind: Kind,
     /// Name of the experiment and of its results folder: letters, digits, `_` and `-`.
     #[schemars(regex(pattern = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$"))]

@@ -102,16 +102,6 @@ fn contradictions_that_rules_find() {
             "mirror: true",
         ),
         (
-            "seed: 1\nbackbone: {tune: 'last:2'}\n",
-            "study.yaml:2:18: `backbone.tune: last:2` needs training through the backbone, which this version does not do",
-            "tune: frozen",
-        ),
-        (
-            "seed: 1\nbackbone: {tune: full}\n",
-            "study.yaml:2:18: `backbone.tune: full` needs training through the backbone, which this version does not do",
-            "tune: frozen",
-        ),
-        (
             "seed: 1\nnetwork: {kind: dual_net}\n",
             "study.yaml:2:17: `network.kind: dual_net` needs training through the backbone, which this version does not do",
             "single_net",

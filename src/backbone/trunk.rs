@@ -1,0 +1,432 @@
+//! A graph whose layers are trained: forward with the statistics of the batch, and the way back.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use super::graph::{Action, Graph, Layer, MapShape};
+use super::parameters::{Norm, Parameters};
+use super::plan::{Plan, PlannedStep, Value};
+use super::pooling::Pooling;
+use crate::kernel::{
+    Buffer, NormGradient, Normalization, Scratch, Shape, TrainableConv, TrainableDepthwise, View, ViewMut, Window,
+    average_pool, average_pool_gradient, isa, max_pool_gradient, max_pool_with_winners, statistics,
+};
+
+/// Share of a batch's statistics in the running ones after a step; PyTorch's default.
+const MOMENTUM: f32 = 0.1;
+
+/// Where a layer's numbers stand among those of all layers.
+#[derive(Debug, Clone)]
+pub(super) struct Span {
+    pub weights: Range<usize>,
+    pub scale: Range<usize>,
+    pub shift: Range<usize>,
+    /// Among the running statistics.
+    pub mean: Range<usize>,
+    /// Among the running statistics.
+    pub variance: Range<usize>,
+}
+
+/// One layer's kernels, and what its backward pass needs of its forward pass.
+#[derive(Debug)]
+struct LayerWork {
+    kernel: LayerKernel,
+    /// Output of the convolution.
+    z: Buffer,
+    /// Of each channel of `z`, over the batch.
+    mean: Vec<f32>,
+    /// 1/√(variance + ε) of each channel of `z`.
+    inverse_sd: Vec<f32>,
+}
+
+#[derive(Debug)]
+enum LayerKernel {
+    Dense(TrainableConv),
+    Depthwise(TrainableDepthwise),
+}
+
+impl LayerWork {
+    fn new(layer: &Layer) -> Self {
+        let kernel = if layer.depthwise {
+            LayerKernel::Depthwise(TrainableDepthwise::new(layer.window, layer.outputs))
+        } else {
+            LayerKernel::Dense(TrainableConv::new(layer.window, layer.inputs, layer.outputs))
+        };
+        Self { kernel, z: Buffer::default(), mean: vec![0.0; layer.outputs], inverse_sd: vec![0.0; layer.outputs] }
+    }
+}
+
+impl LayerKernel {
+    fn forward(&self, x: View, weights: &[f32], z: ViewMut, scratch: &mut Scratch) {
+        match self {
+            LayerKernel::Dense(conv) => conv.forward(x, weights, z, scratch),
+            LayerKernel::Depthwise(conv) => conv.forward(x, weights, z),
+        }
+    }
+
+    fn by_input(&self, by_z: View, weights: &[f32], by_x: ViewMut, accumulate: bool, scratch: &mut Scratch) {
+        match self {
+            LayerKernel::Dense(conv) => conv.by_input(by_z, weights, by_x, accumulate, scratch),
+            LayerKernel::Depthwise(conv) => conv.by_input(by_z, weights, by_x, accumulate),
+        }
+    }
+
+    /// Adds to the gradient by the weights.
+    fn by_weights(&self, x: View, by_z: View, by_weights: &mut [f32], scratch: &mut Scratch) {
+        match self {
+            LayerKernel::Dense(conv) => conv.by_weights(x, by_z, by_weights, true),
+            LayerKernel::Depthwise(conv) => conv.by_weights(x, by_z, by_weights, true, scratch),
+        }
+    }
+}
+
+/// The trained part of a backbone: a graph, its numbers, and the memory of a step, which is kept from step to step.
+///
+/// A step is [`forward`](Trunk::forward) and then [`backward`](Trunk::backward) with the same parameters. Both run on all
+/// threads of the current pool; the bits do not depend on their number.
+#[derive(Debug)]
+pub(super) struct Trunk {
+    pub graph: Graph,
+    pub spans: Vec<Span>,
+    /// Running mean and variance of every layer.
+    pub running: Vec<f32>,
+    /// Derivatives by the parameters, which the last backward passes left.
+    pub gradient: Vec<f32>,
+    epsilon: f32,
+    plan: Plan,
+    poolings: Vec<Pooling>,
+    images: usize,
+    values: Vec<Buffer>,
+    gradients: Vec<Buffer>,
+    /// Whether the gradient of each value has been written in this backward pass.
+    written: Vec<bool>,
+    layers: Vec<LayerWork>,
+    /// Tap of the window that holds the maximum, for each step that is a maximum pool.
+    winners: Vec<Vec<u8>>,
+    by_z: Buffer,
+    scratch: Scratch,
+}
+
+impl Trunk {
+    /// A trunk with the statistics of `layers`, and their parameters one after the other.
+    pub(super) fn new(graph: Graph, layers: &[Parameters], epsilon: f32, rings: usize) -> (Self, Vec<f32>) {
+        let (mut parameters, mut running, mut spans) = (Vec::new(), Vec::new(), Vec::new());
+        let append = |all: &mut Vec<f32>, part: &[f32]| {
+            all.extend_from_slice(part);
+            all.len() - part.len()..all.len()
+        };
+        for Parameters { weights, norm } in layers {
+            spans.push(Span {
+                weights: append(&mut parameters, weights),
+                scale: append(&mut parameters, &norm.scale),
+                shift: append(&mut parameters, &norm.shift),
+                mean: append(&mut running, &norm.mean),
+                variance: append(&mut running, &norm.variance),
+            });
+        }
+        let plan = Plan::new(&graph);
+        let pooling = |value: &Value| Pooling::new(plan.values[*value].height, plan.values[*value].width, rings);
+        let trunk = Self {
+            poolings: plan.taps.iter().map(pooling).collect(),
+            gradient: vec![0.0; parameters.len()],
+            layers: graph.layers.iter().map(LayerWork::new).collect(),
+            values: plan.values.iter().map(|_| Buffer::default()).collect(),
+            gradients: plan.gradient_sizes.iter().map(|_| Buffer::default()).collect(),
+            written: vec![false; plan.values.len()],
+            winners: vec![Vec::new(); plan.steps.len()],
+            images: 0,
+            by_z: Buffer::default(),
+            scratch: Scratch::default(),
+            graph,
+            spans,
+            running,
+            epsilon,
+            plan,
+        };
+        (trunk, parameters)
+    }
+
+    /// Floats of one image's input.
+    pub(super) fn input_len(&self) -> usize {
+        self.graph.map_len(0)
+    }
+
+    /// Length of one image's features.
+    pub(super) fn dim(&self) -> usize {
+        self.plan.taps.iter().zip(&self.poolings).map(|(v, p)| p.len(self.plan.values[*v].channels)).sum()
+    }
+
+    /// The layers as they are now, for a frozen network.
+    pub(super) fn layers(&self, parameters: &[f32]) -> Vec<Parameters> {
+        let own = |span: &Span| Parameters {
+            weights: parameters[span.weights.clone()].to_vec(),
+            norm: Norm {
+                scale: parameters[span.scale.clone()].to_vec(),
+                shift: parameters[span.shift.clone()].to_vec(),
+                mean: self.running[span.mean.clone()].to_vec(),
+                variance: self.running[span.variance.clone()].to_vec(),
+            },
+        };
+        self.spans.iter().map(own).collect()
+    }
+
+    /// The maps 0 of `images` images, for the caller to write.
+    pub(super) fn begin(&mut self, images: usize) -> &mut [f32] {
+        self.images = images;
+        let len = images * self.input_len();
+        self.values[0].resize(len);
+        &mut self.values[0]
+    }
+
+    /// Features of the images that [`begin`](Trunk::begin) was told of, with batch norms that take the statistics of these
+    /// images; the running statistics move towards them.
+    pub(super) fn forward(&mut self, parameters: &[f32]) -> Vec<f32> {
+        for i in 0..self.plan.steps.len() {
+            let step = self.plan.steps[i];
+            let shape = self.shape(step.output);
+            let mut output = std::mem::take(&mut self.values[step.output]);
+            output.resize(shape.len());
+            match step.action {
+                Action::Layer(layer) => self.layer_forward(parameters, &step, layer, &mut output),
+                Action::MaxPool(window) => self.max_pool_forward(i, &step, window, &mut output),
+                Action::AveragePool(window) => self.average_pool_forward(&step, window, &mut output),
+            }
+            self.values[step.output] = output;
+        }
+        self.pooled()
+    }
+
+    fn shape(&self, value: Value) -> Shape {
+        let MapShape { height, width, channels } = self.plan.values[value];
+        Shape { images: self.images, height, width, channels }
+    }
+
+    fn view(&self, value: Value) -> View<'_> {
+        let shape = self.shape(value);
+        View::new(&self.values[value], shape, shape.channels)
+    }
+
+    /// Some channels of a step's output: their shape within the whole.
+    fn part(&self, step: &PlannedStep) -> Shape {
+        let channels = match step.action {
+            Action::Layer(layer) => self.graph.layers[layer].outputs,
+            Action::MaxPool(_) | Action::AveragePool(_) => self.plan.values[step.input].channels,
+        };
+        Shape { channels, ..self.shape(step.output) }
+    }
+
+    fn layer_forward(&mut self, parameters: &[f32], step: &PlannedStep, number: usize, output: &mut Buffer) {
+        let (part, stride) = (self.part(step), self.shape(step.output).channels);
+        let span = self.spans[number].clone();
+        let bounds = self.graph.layers[number].activation.bounds();
+        let mut z = std::mem::take(&mut self.layers[number].z);
+        let mut scratch = std::mem::take(&mut self.scratch);
+        z.resize(part.len());
+        let z_part = ViewMut::new(&mut z, part, part.channels);
+        self.layers[number].kernel.forward(
+            self.view(step.input),
+            &parameters[span.weights.clone()],
+            z_part,
+            &mut scratch,
+        );
+        let z_part = View::new(&z, part, part.channels);
+        let mut variance = vec![0.0; part.channels];
+        statistics(z_part, &mut self.layers[number].mean, &mut variance, &mut scratch);
+        let (factor, offset) =
+            self.affine(number, &variance, &parameters[span.scale.clone()], &parameters[span.shift.clone()]);
+        let added = step.added.map(|value| self.view(value));
+        let y = ViewMut::new(&mut output[step.channel..], part, stride);
+        Normalization { scale: &factor, shift: &offset, bounds }.apply(z_part, added, y);
+        self.remember(number, &variance, part.pixels());
+        self.layers[number].z = z;
+        self.scratch = scratch;
+    }
+
+    /// The batch norm of a batch as factor and offset of each channel.
+    fn affine(&mut self, number: usize, variance: &[f32], scale: &[f32], shift: &[f32]) -> (Vec<f32>, Vec<f32>) {
+        let LayerWork { mean, inverse_sd, .. } = &mut self.layers[number];
+        let channel = |c: usize| {
+            let inverse = 1.0 / (f64::from(variance[c]) + f64::from(self.epsilon)).sqrt();
+            inverse_sd[c] = inverse as f32;
+            let factor = f64::from(scale[c]) * inverse;
+            (factor as f32, (f64::from(shift[c]) - f64::from(mean[c]) * factor) as f32)
+        };
+        (0..variance.len()).map(channel).unzip()
+    }
+
+    /// Moves the running statistics towards those of a batch, whose variance is taken unbiased.
+    fn remember(&mut self, number: usize, variance: &[f32], pixels: usize) {
+        let span = &self.spans[number];
+        let unbiased = pixels as f32 / pixels.saturating_sub(1).max(1) as f32;
+        for (running, batch) in self.running[span.mean.clone()].iter_mut().zip(&self.layers[number].mean) {
+            *running = (1.0 - MOMENTUM) * *running + MOMENTUM * batch;
+        }
+        for (running, batch) in self.running[span.variance.clone()].iter_mut().zip(variance) {
+            *running = (1.0 - MOMENTUM) * *running + MOMENTUM * (batch * unbiased);
+        }
+    }
+
+    fn max_pool_forward(&mut self, number: usize, step: &PlannedStep, window: Window, output: &mut Buffer) {
+        let (part, stride) = (self.part(step), self.shape(step.output).channels);
+        let mut winners = std::mem::take(&mut self.winners[number]);
+        winners.resize(part.len(), 0);
+        let out = ViewMut::new(&mut output[step.channel..], part, stride);
+        max_pool_with_winners(isa(), window, self.view(step.input), out, &mut winners);
+        self.winners[number] = winners;
+    }
+
+    fn average_pool_forward(&self, step: &PlannedStep, window: Window, output: &mut Buffer) {
+        let (input, part) = (Shape { images: 1, ..self.shape(step.input) }, Shape { images: 1, ..self.part(step) });
+        let stride = self.shape(step.output).channels;
+        let images = self.values[step.input].par_chunks(input.len()).zip(output.par_chunks_mut(part.pixels() * stride));
+        images.for_each(|(x, out)| {
+            let x = View::new(x, input, input.channels);
+            let out = ViewMut::new(&mut out[step.channel..], part, stride);
+            average_pool(isa(), window, self.graph.average_counts_padding, x, out);
+        });
+    }
+
+    fn pooled(&self) -> Vec<f32> {
+        let dim = self.dim();
+        let mut features = vec![0.0; dim * self.images];
+        features.par_chunks_mut(dim).enumerate().for_each(|(image, row)| {
+            let mut rest = row;
+            for (value, pooling) in self.plan.taps.iter().zip(&self.poolings) {
+                let (own, after) = rest.split_at_mut(pooling.len(self.plan.values[*value].channels));
+                pooling.pool(self.view(*value), image, own);
+                rest = after;
+            }
+        });
+        features
+    }
+
+    /// Takes the derivative by the features of the last forward pass to derivatives by the parameters, which are added to those
+    /// in [`gradient`](Trunk::gradient), or replace them with `anew`.
+    pub(super) fn backward(&mut self, parameters: &[f32], by_features: &[f32], anew: bool) {
+        if anew {
+            self.gradient.fill(0.0);
+        }
+        for (buffer, size) in self.gradients.iter_mut().zip(&self.plan.gradient_sizes) {
+            buffer.resize(size * self.images);
+        }
+        self.written.fill(false);
+        self.unpool(by_features);
+        for i in (0..self.plan.steps.len()).rev() {
+            let step = self.plan.steps[i];
+            if !self.written[step.output] {
+                continue;
+            }
+            match step.action {
+                Action::Layer(layer) => self.layer_backward(parameters, &step, layer),
+                Action::MaxPool(window) => self.pool_backward(&step, |by_y, accumulate, by_x, trunk| {
+                    max_pool_gradient(isa(), window, by_y, &trunk.winners[i], by_x, accumulate);
+                }),
+                Action::AveragePool(window) => self.pool_backward(&step, |by_y, accumulate, by_x, trunk| {
+                    let counts = trunk.graph.average_counts_padding;
+                    average_pool_gradient(isa(), window, counts, by_y, by_x, accumulate);
+                }),
+            }
+        }
+    }
+
+    /// Writes the derivatives by the taps' maps.
+    fn unpool(&mut self, by_features: &[f32]) {
+        let dim = self.dim();
+        let mut first = 0;
+        for (value, pooling) in self.plan.taps.clone().into_iter().zip(&self.poolings) {
+            let shape = self.shape(value);
+            let len = pooling.len(shape.channels);
+            if value != 0 {
+                let accumulate = self.written[value];
+                let buffer = &mut self.gradients[self.plan.gradient_of[value]][..shape.len()];
+                let images = buffer.par_chunks_mut(shape.len() / self.images).zip(by_features.par_chunks(dim));
+                images.for_each(|(map, row)| pooling.unpool(&row[first..first + len], map, accumulate));
+                self.written[value] = true;
+            }
+            first += len;
+        }
+    }
+
+    fn layer_backward(&mut self, parameters: &[f32], step: &PlannedStep, number: usize) {
+        let (part, stride) = (self.part(step), self.shape(step.output).channels);
+        let span = self.spans[number].clone();
+        let by_y = std::mem::take(&mut self.gradients[self.plan.gradient_of[step.output]]);
+        let mut by_added = step.added.filter(|v| *v != 0).map(|v| self.take_gradient(v));
+        let mut by_z = std::mem::take(&mut self.by_z);
+        let mut gradient = std::mem::take(&mut self.gradient);
+        let mut scratch = std::mem::take(&mut self.scratch);
+        by_z.resize(part.len());
+
+        let work = &self.layers[number];
+        let added =
+            by_added.as_mut().map(|(buffer, accumulate)| (ViewMut::new(buffer, part, part.channels), *accumulate));
+        let norm = NormGradient {
+            mean: &work.mean,
+            inverse: &work.inverse_sd,
+            gamma: &parameters[span.scale.clone()],
+            frozen: false,
+        };
+        let y = View::new(&self.values[step.output][step.channel..], part, stride);
+        let bounded = self.graph.layers[number].activation.bounds().map(|bounds| (y, bounds));
+        let mut by_norm = [vec![0.0; part.channels], vec![0.0; part.channels]];
+        let [by_scale, by_shift] = &mut by_norm;
+        norm.backward(
+            View::new(&by_y[step.channel..], part, stride),
+            bounded,
+            View::new(&work.z, part, part.channels),
+            ViewMut::new(&mut by_z, part, part.channels),
+            added,
+            by_scale,
+            by_shift,
+            &mut scratch,
+        );
+        add(&mut gradient[span.scale], by_scale);
+        add(&mut gradient[span.shift], by_shift);
+
+        let by_z_part = View::new(&by_z, part, part.channels);
+        let x = self.view(step.input);
+        work.kernel.by_weights(x, by_z_part, &mut gradient[span.weights.clone()], &mut scratch);
+        if step.input != 0 {
+            let (mut by_x, accumulate) = self.take_gradient(step.input);
+            let shape = self.shape(step.input);
+            let out = ViewMut::new(&mut by_x, shape, shape.channels);
+            self.layers[number].kernel.by_input(by_z_part, &parameters[span.weights], out, accumulate, &mut scratch);
+            self.put_gradient(step.input, by_x);
+        }
+
+        if let (Some(value), Some((buffer, _))) = (step.added, by_added) {
+            self.put_gradient(value, buffer);
+        }
+        self.gradients[self.plan.gradient_of[step.output]] = by_y;
+        (self.by_z, self.gradient, self.scratch) = (by_z, gradient, scratch);
+    }
+
+    fn pool_backward(&mut self, step: &PlannedStep, by_input: impl Fn(View, bool, ViewMut, &Self)) {
+        if step.input == 0 {
+            return;
+        }
+        let (part, stride) = (self.part(step), self.shape(step.output).channels);
+        let by_y = std::mem::take(&mut self.gradients[self.plan.gradient_of[step.output]]);
+        let (mut by_x, accumulate) = self.take_gradient(step.input);
+        let shape = self.shape(step.input);
+        let by_y_part = View::new(&by_y[step.channel..], part, stride);
+        by_input(by_y_part, accumulate, ViewMut::new(&mut by_x, shape, shape.channels), self);
+        self.put_gradient(step.input, by_x);
+        self.gradients[self.plan.gradient_of[step.output]] = by_y;
+    }
+
+    /// The buffer of a value's gradient, and whether something stands in it.
+    fn take_gradient(&mut self, value: Value) -> (Buffer, bool) {
+        (std::mem::take(&mut self.gradients[self.plan.gradient_of[value]]), self.written[value])
+    }
+
+    fn put_gradient(&mut self, value: Value, buffer: Buffer) {
+        self.gradients[self.plan.gradient_of[value]] = buffer;
+        self.written[value] = true;
+    }
+}
+
+fn add(sums: &mut [f32], values: &[f32]) {
+    sums.iter_mut().zip(values).for_each(|(s, v)| *s += v);
+}

@@ -1,0 +1,71 @@
+//! Work that is written once, for any vector type, and compiled for every instruction set.
+
+use super::simd::{Isa, Plain, Simd};
+#[cfg(target_arch = "x86_64")]
+use super::simd::{Ymm, Zmm};
+
+/// A piece of work; `run` is `#[inline(always)]`, so that it is compiled anew for each instruction set.
+pub(super) trait Work {
+    /// Does it with vectors of type `S`.
+    ///
+    /// # Safety
+    /// The processor has the instruction set of `S`.
+    unsafe fn run<S: Simd>(self);
+}
+
+/// Does `work` with the instruction set `isa`, which the caller has checked that the processor has.
+#[inline]
+pub(super) fn dispatch(isa: Isa, work: impl Work) {
+    match isa {
+        // SAFETY: callers check the instruction set
+        #[cfg(target_arch = "x86_64")]
+        Isa::Avx512 => unsafe { avx512(work) },
+        // SAFETY: as above
+        #[cfg(target_arch = "x86_64")]
+        Isa::Avx2 => unsafe { avx2(work) },
+        // SAFETY: `Plain` needs no instruction set
+        _ => unsafe { work.run::<Plain>() },
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f")]
+fn avx512(work: impl Work) {
+    // SAFETY: this function is only called on a processor with AVX-512
+    unsafe { work.run::<Zmm>() }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma")]
+fn avx2(work: impl Work) {
+    // SAFETY: this function is only called on a processor with AVX2 and FMA
+    unsafe { work.run::<Ymm>() }
+}
+
+/// Lanes from `from[at]` on; those past the end are 0.
+///
+/// # Safety
+/// The processor has the instruction set of `S`, and `at` is at most the length.
+#[inline(always)]
+pub(super) unsafe fn load<S: Simd>(from: &[f32], at: usize) -> S {
+    let lanes = from.len() - at;
+    // SAFETY: only lanes inside the slice are read
+    unsafe {
+        let from = from.as_ptr().add(at);
+        if lanes >= S::LANES { S::load(from) } else { S::load_first(from, lanes) }
+    }
+}
+
+/// Stores lanes from `to[at]` on, except those past the end.
+///
+/// # Safety
+/// The processor has the instruction set of `S`, and `at` is at most the length.
+#[inline(always)]
+pub(super) unsafe fn store<S: Simd>(value: S, to: &mut [f32], at: usize) {
+    let lanes = to.len() - at;
+    // SAFETY: only lanes inside the slice are written
+    unsafe {
+        let to = to.as_mut_ptr().add(at);
+        if lanes >= S::LANES { value.store(to) } else { value.store_first(to, lanes) }
+    }
+}

@@ -1,0 +1,132 @@
+//! A convolution whose weights change: forward, and both gradients.
+
+use super::Scratch;
+use super::product::{Packed, Shared, Target, multiply};
+use super::weight_gradient::WeightGradient;
+use super::windows::{Axis, Phase, Windows};
+use crate::kernel::buffer::Buffer;
+use crate::kernel::map::{Shape, View, ViewMut, Window};
+use crate::kernel::simd::{Isa, isa};
+
+/// A convolution that is given its weights (window row × window column × inputs × outputs) at each call.
+///
+/// Every result is one chain of fused multiply-adds, beginning at 0 or at the value to be added to; the order
+/// of its terms is said at each method. All methods run on the current pool of threads, and give the same bits on any.
+#[derive(Debug, Clone)]
+pub struct TrainableConv {
+    isa: Isa,
+    window: Window,
+    inputs: usize,
+    outputs: usize,
+    /// Read outside the maps.
+    zeros: Buffer,
+}
+
+impl TrainableConv {
+    /// A convolution of `inputs` channels to `outputs`.
+    ///
+    /// # Panics
+    /// If there are no channels.
+    pub fn new(window: Window, inputs: usize, outputs: usize) -> Self {
+        Self::with_isa(isa(), window, inputs, outputs)
+    }
+
+    /// [`TrainableConv::new`] for a given instruction set.
+    ///
+    /// # Panics
+    /// If there are no channels, or the processor lacks the instruction set.
+    pub fn with_isa(isa: Isa, window: Window, inputs: usize, outputs: usize) -> Self {
+        assert!(isa.supported(), "{isa:?} on a processor without it");
+        assert!(inputs > 0 && outputs > 0, "a convolution without channels");
+        let zeros = Buffer::zeros(outputs.max(inputs * window.width));
+        Self { isa, window, inputs, outputs, zeros }
+    }
+
+    /// Number of its weights.
+    pub fn weights(&self) -> usize {
+        self.window.height * self.window.width * self.inputs * self.outputs
+    }
+
+    fn check(&self, x: Shape, y: Shape, weights: usize) {
+        self.window.check(x, y);
+        assert!(x.channels == self.inputs && y.channels == self.outputs, "other numbers of channels");
+        assert!(weights == self.weights(), "weights of another shape");
+    }
+
+    /// Convolves `x` into `out`. Order of terms: window row, window column, input.
+    ///
+    /// # Panics
+    /// If a shape is not that of this convolution.
+    pub fn forward(&self, x: View, weights: &[f32], out: ViewMut, scratch: &mut Scratch) {
+        self.check(x.shape, out.shape, weights.len());
+        let outputs = self.outputs;
+        let depth = weights.len() / outputs.max(1);
+        let fill = |first: usize, width: usize, stride: usize, panel: &mut [f32]| {
+            for (row, weights) in panel.chunks_exact_mut(stride).zip(weights.chunks_exact(outputs)) {
+                row[..width].copy_from_slice(&weights[first..][..width]);
+            }
+        };
+        let packed = Packed::new(self.isa, outputs, depth, &mut scratch.weights, fill);
+        let windows = Windows::forward(x, self.window, out.shape);
+        multiply(&windows, &self.zeros, &packed, Target { maps: out, phases: None, accumulate: false });
+    }
+
+    /// The gradient by the input, of the gradient `dy` by the output, into `dx`; with `accumulate`, added to what stands
+    /// there. Order of terms: output row, output column, output channel.
+    ///
+    /// # Panics
+    /// If a shape is not that of this convolution.
+    pub fn by_input(&self, dy: View, weights: &[f32], dx: ViewMut, accumulate: bool, scratch: &mut Scratch) {
+        self.check(dx.shape, dy.shape, weights.len());
+        let (rows, columns) = Axis::both(self.window, dy.shape);
+        let ViewMut { data, shape, stride } = dx;
+        for y in 0..self.window.stride {
+            for x in 0..self.window.stride {
+                let phases = (rows.phase(y, shape.height), columns.phase(x, shape.width));
+                let maps = ViewMut { data: &mut *data, shape, stride };
+                self.by_phase(dy, weights, phases, Target { maps, phases: Some(phases), accumulate }, scratch);
+            }
+        }
+    }
+
+    /// [`by_input`](Self::by_input) for every `stride`-th row and column of the input.
+    fn by_phase(&self, dy: View, weights: &[f32], phases: (Phase, Phase), mut target: Target, scratch: &mut Scratch) {
+        let (rows, columns) = phases;
+        if self.window.stride == 1 {
+            target.phases = None;
+        }
+        let (inputs, outputs) = (self.inputs, self.outputs);
+        let taps = rows.taps().flat_map(|ky| columns.taps().map(move |kx| ky * self.window.width + kx));
+        let fill = |first: usize, width: usize, stride: usize, panel: &mut [f32]| {
+            for (tap, panel) in taps.clone().zip(panel.chunks_exact_mut(outputs * stride)) {
+                transpose(&weights[(tap * inputs + first) * outputs..][..width * outputs], outputs, panel, stride);
+            }
+        };
+        let depth = rows.taps * columns.taps * outputs;
+        let packed = Packed::new(self.isa, inputs, depth, &mut scratch.weights, fill);
+        multiply(&Windows::backward(dy, rows, columns), &self.zeros, &packed, target);
+    }
+
+    /// The gradient by the weights into `dw`; with `accumulate`, added to what stands there. Order of terms: image,
+    /// output row, output column.
+    ///
+    /// # Panics
+    /// If a shape is not that of this convolution.
+    pub fn by_weights(&self, x: View, dy: View, dw: &mut [f32], accumulate: bool) {
+        self.check(x.shape, dy.shape, dw.len());
+        WeightGradient::new(self.isa, self.window, x, dy).run(Shared::new(dw), accumulate);
+    }
+}
+
+/// Writes rows of `columns` floats as columns of `panel`, whose rows are `stride` apart, in small squares so that reads and
+/// writes both stay within a few cache lines.
+fn transpose(rows: &[f32], columns: usize, panel: &mut [f32], stride: usize) {
+    const SIDE: usize = 16;
+    for c0 in (0..columns).step_by(SIDE) {
+        for (r, row) in rows.chunks_exact(columns).enumerate() {
+            for (c, value) in row.iter().enumerate().skip(c0).take(SIDE) {
+                panel[c * stride + r] = *value;
+            }
+        }
+    }
+}

@@ -1,0 +1,73 @@
+use proptest::prelude::*;
+
+use super::testing::{Maps, close, each_pair, on_pools, supported, values, window};
+use super::{Scratch, TrainableConv};
+use crate::kernel::{Isa, Shape, Window};
+
+/// Output, gradient by the input and gradient by the weights, each as its chain of fused multiply-adds and in f64.
+struct Naive {
+    chains: [Vec<f32>; 3],
+    exact: [Vec<f64>; 3],
+}
+
+/// The definitions; a chain's terms come in the order of output pixels, taps, inputs and outputs.
+fn naive(window: Window, [x, dy, w]: [&[f32]; 3], x_shape: Shape, out: Shape, start: [&[f32]; 3]) -> Naive {
+    let mut chains = start.map(<[f32]>::to_vec);
+    let mut exact = start.map(|s| s.iter().map(|v| f64::from(*v)).collect::<Vec<_>>());
+    let (inputs, outputs) = (x_shape.channels, out.channels);
+    each_pair(x_shape, window, out, |from, to, tap| {
+        for i in 0..inputs {
+            for o in 0..outputs {
+                let at = [to * outputs + o, from * inputs + i, (tap * inputs + i) * outputs + o];
+                let terms = [(x[at[1]], w[at[2]]), (dy[at[0]], w[at[2]]), (x[at[1]], dy[at[0]])];
+                for (k, (a, b)) in terms.into_iter().enumerate() {
+                    chains[k][at[k]] = a.mul_add(b, chains[k][at[k]]);
+                    exact[k][at[k]] += f64::from(a) * f64::from(b);
+                }
+            }
+        }
+    });
+    Naive { chains, exact }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+    #[test]
+    fn a_convolution_and_its_gradients_are_their_chains_with_any_instruction_set_and_threads(
+        (window, x_shape, out) in window(), inputs in prop_oneof![1usize..10, Just(40)],
+        outputs in prop_oneof![1usize..20, Just(70)], gaps in (0usize..3, 0usize..3), accumulate: bool,
+    ) {
+        let (x_shape, out) = (Shape { channels: inputs, ..x_shape }, Shape { channels: outputs, ..out });
+        let conv = TrainableConv::with_isa(Isa::Portable, window, inputs, outputs);
+        let dense = [values(x_shape.len(), 1), values(out.len(), 2), values(conv.weights(), 3)];
+        let [x, dy, w] = dense.each_ref().map(|v| v.as_slice());
+        let mut before = [vec![0.0; out.len()], vec![0.0; x_shape.len()], vec![0.0; w.len()]];
+        if accumulate {
+            before[1..].clone_from_slice(&[values(x_shape.len(), 4), values(w.len(), 5)]);
+        }
+        let naive = naive(window, [x, dy, w], x_shape, out, before.each_ref().map(|v| v.as_slice()));
+        for k in 0..3 {
+            prop_assert!(close(&naive.chains[k], &naive.exact[k]));
+        }
+        let (x, dy) = (Maps::new(x, x_shape, gaps.0), Maps::new(dy, out, gaps.1));
+        for isa in supported() {
+            let conv = TrainableConv::with_isa(isa, window, inputs, outputs);
+            let results = on_pools(|| {
+                let mut scratch = Scratch::default();
+                let mut y = Maps::new(&vec![f32::NAN; out.len()], out, gaps.1);
+                conv.forward(x.view(), w, y.view_mut(), &mut scratch);
+                let begin = |before: &Vec<f32>| if accumulate { before.clone() } else { vec![f32::NAN; before.len()] };
+                let mut dx = Maps::new(&begin(&before[1]), x_shape, gaps.0);
+                conv.by_input(dy.view(), w, dx.view_mut(), accumulate, &mut scratch);
+                let mut dw = begin(&before[2]);
+                conv.by_weights(x.view(), dy.view(), &mut dw, accumulate);
+                [y.dense(), dx.dense(), dw]
+            });
+            for result in results {
+                for (k, values) in result.iter().enumerate() {
+                    prop_assert_eq!(values, &naive.chains[k], "{:?}, result {}", isa, k);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,37 @@
+//! What a training step of a convolutional network needs beyond inference: layers whose weights change, and gradients.
+//!
+//! All of it runs on the current pool of threads. How work is shared among threads never changes the order of
+//! a sum.
+
+mod conv;
+mod depthwise;
+mod norm;
+mod pool;
+mod product;
+mod weight_gradient;
+mod windows;
+
+pub use conv::TrainableConv;
+pub use depthwise::TrainableDepthwise;
+pub use norm::{NormGradient, Normalization, statistics};
+pub use pool::{average_pool_gradient, max_pool_gradient, max_pool_with_winners};
+
+use super::buffer::Buffer;
+
+/// Memory that is reused from call to call.
+#[derive(Debug, Default)]
+pub struct Scratch {
+    /// Packed weights, or partial sums of their gradients.
+    weights: Buffer,
+    /// Partial sums of a batch norm.
+    sums: Vec<f64>,
+}
+
+#[cfg(test)]
+mod channel_tests;
+#[cfg(test)]
+mod conv_tests;
+#[cfg(test)]
+mod norm_tests;
+#[cfg(test)]
+mod testing;

@@ -1,0 +1,347 @@
+//! Batch norm with the statistics of the batch (Ioffe and Szegedy 2015), followed by bounds: forward and backward.
+
+use rayon::prelude::*;
+
+use super::Scratch;
+use crate::kernel::dispatch::{Work, dispatch, load, store};
+use crate::kernel::map::{Shape, View, ViewMut};
+use crate::kernel::simd::{Isa, Simd, isa};
+
+/// Pixels whose sums are made in one go; a sum over all pixels adds up those of these chunks, in order and in f64.
+const CHUNK: usize = 128;
+
+/// Mean and variance (divided by the number of pixels) of each channel of `z`.
+///
+/// Sums are in f64, of distances from the first pixel, so that nothing is lost where the mean is far greater than
+/// the deviation.
+///
+/// # Panics
+/// If there is no pixel, or `mean` or `variance` has not one value for each channel.
+pub fn statistics(z: View, mean: &mut [f32], variance: &mut [f32], scratch: &mut Scratch) {
+    statistics_with(isa(), z, mean, variance, scratch);
+}
+
+pub(super) fn statistics_with(isa: Isa, z: View, mean: &mut [f32], variance: &mut [f32], scratch: &mut Scratch) {
+    let channels = z.shape.channels;
+    let pixels = z.shape.pixels();
+    assert!(pixels > 0 && mean.len() == channels && variance.len() == channels, "statistics of another shape");
+    let shift = z.pixel(0);
+    let len = 2 * channels;
+    scratch.sums.clear();
+    scratch.sums.resize(pixels.div_ceil(CHUNK) * len, 0.0);
+    scratch.sums.par_chunks_mut(len).enumerate().for_each(|(i, sums)| {
+        let first = i * CHUNK;
+        dispatch(isa, Moments { z, first, pixels: CHUNK.min(pixels - first), shift, sums });
+    });
+    let (sums, others) = scratch.sums.split_at_mut(len);
+    for chunk in others.chunks_exact(len) {
+        for (total, sum) in sums.iter_mut().zip(chunk) {
+            *total += sum;
+        }
+    }
+    let n = pixels as f64;
+    for c in 0..channels {
+        let (first, second) = (sums[c] / n, sums[channels + c] / n);
+        mean[c] = (f64::from(shift[c]) + first) as f32;
+        variance[c] = (second - first * first).max(0.0) as f32;
+    }
+}
+
+struct Moments<'a> {
+    z: View<'a>,
+    first: usize,
+    pixels: usize,
+    shift: &'a [f32],
+    sums: &'a mut [f64],
+}
+
+impl Work for Moments<'_> {
+    #[inline(always)]
+    unsafe fn run<S: Simd>(self) {
+        let (sums, squares) = self.sums.split_at_mut(self.shift.len());
+        for p in self.first..self.first + self.pixels {
+            for (((z, shift), sum), square) in self.z.pixel(p).iter().zip(self.shift).zip(&mut *sums).zip(&mut *squares)
+            {
+                let distance = f64::from(*z) - f64::from(*shift);
+                *sum += distance;
+                *square += distance * distance;
+            }
+        }
+    }
+}
+
+/// A scale and a shift for each channel, then perhaps a sum, then perhaps bounds.
+#[derive(Debug, Clone, Copy)]
+pub struct Normalization<'a> {
+    /// Factor of each channel.
+    pub scale: &'a [f32],
+    /// Added to the product.
+    pub shift: &'a [f32],
+    /// Lowest and highest result, e.g. (0, ∞) for a rectifier.
+    pub bounds: Option<(f32, f32)>,
+}
+
+impl Normalization<'_> {
+    /// `y` = bounded(`z` · scale + shift + `add`), the product and the first sum with one rounding.
+    ///
+    /// # Panics
+    /// If shapes differ.
+    pub fn apply(&self, z: View, add: Option<View>, y: ViewMut) {
+        self.apply_with(isa(), z, add, y);
+    }
+
+    pub(super) fn apply_with(&self, isa: Isa, z: View, add: Option<View>, y: ViewMut) {
+        let shape = z.shape;
+        let one_shape = y.shape == shape && add.is_none_or(|add| add.shape == shape);
+        assert!(one_shape && self.scale.len() == shape.channels && self.shift.len() == shape.channels, "other shapes");
+        let stride = y.stride;
+        let chunks = shape.pixels().div_ceil(CHUNK);
+        y.data.par_chunks_mut(CHUNK * stride.max(1)).take(chunks).enumerate().for_each(|(i, y)| {
+            let pixels = CHUNK.min(shape.pixels() - i * CHUNK);
+            dispatch(isa, Apply { norm: *self, z, add, first: i * CHUNK, pixels, y, stride });
+        });
+    }
+}
+
+struct Apply<'a> {
+    norm: Normalization<'a>,
+    z: View<'a>,
+    add: Option<View<'a>>,
+    first: usize,
+    pixels: usize,
+    y: &'a mut [f32],
+    stride: usize,
+}
+
+impl Work for Apply<'_> {
+    #[inline(always)]
+    unsafe fn run<S: Simd>(self) {
+        let Normalization { scale, shift, bounds } = self.norm;
+        for p in 0..self.pixels {
+            let z = self.z.pixel(self.first + p);
+            let add = self.add.map(|add| add.pixel(self.first + p));
+            let y = &mut self.y[p * self.stride..][..z.len()];
+            for c in (0..z.len()).step_by(S::LANES) {
+                // SAFETY: all slices have the length of `z`; the caller vouches for the instruction set
+                unsafe {
+                    let mut value = load::<S>(z, c).fma(load(scale, c), load(shift, c));
+                    if let Some(add) = add {
+                        value = value.add(load(add, c));
+                    }
+                    if let Some((low, high)) = bounds {
+                        value = S::splat(high).min(S::splat(low).max(value));
+                    }
+                    store(value, y, c);
+                }
+            }
+        }
+    }
+}
+
+/// The gradient of a batch norm with bounds.
+#[derive(Debug, Clone, Copy)]
+pub struct NormGradient<'a> {
+    /// Mean of each channel.
+    pub mean: &'a [f32],
+    /// 1/√(variance + ε) of each channel.
+    pub inverse: &'a [f32],
+    /// Factor of each channel's normalized values.
+    pub gamma: &'a [f32],
+    /// Mean and variance are constants, not the statistics of `z`.
+    pub frozen: bool,
+}
+
+impl NormGradient<'_> {
+    /// Gradients of y = bounded(γ (z − mean) · inverse + β + added), given the gradient `dy` by y: by z into `dz`,
+    /// by γ into `dgamma`, by β into `dbeta`, and into `by_added` by what was added (if its flag says so, added to what
+    /// stands there). `bounded` holds y and its bounds: nothing passes where y is not between them.
+    ///
+    /// # Panics
+    /// If shapes differ.
+    #[allow(clippy::too_many_arguments)]
+    pub fn backward(
+        &self,
+        dy: View,
+        bounded: Option<(View, (f32, f32))>,
+        z: View,
+        dz: ViewMut,
+        by_added: Option<(ViewMut, bool)>,
+        dgamma: &mut [f32],
+        dbeta: &mut [f32],
+        scratch: &mut Scratch,
+    ) {
+        self.backward_with(isa(), Passing { dy, bounded }, z, dz, by_added, [dgamma, dbeta], scratch);
+    }
+
+    #[allow(clippy::too_many_arguments)]
+    pub(super) fn backward_with(
+        &self,
+        isa: Isa,
+        passing: Passing,
+        z: View,
+        dz: ViewMut,
+        by_added: Option<(ViewMut, bool)>,
+        [dgamma, dbeta]: [&mut [f32]; 2],
+        scratch: &mut Scratch,
+    ) {
+        let shape = z.shape;
+        let channels = shape.channels;
+        let maps = [Some(passing.dy.shape), passing.bounded.map(|(y, _)| y.shape), Some(dz.shape)];
+        let maps = maps.into_iter().flatten().chain(by_added.as_ref().map(|(map, _)| map.shape));
+        let vectors = [self.mean, self.inverse, self.gamma, dgamma, dbeta].map(|v| v.len() == channels);
+        assert!(maps.into_iter().all(|s| s == shape) && vectors == [true; 5], "other shapes");
+        let totals = self.sums(isa, passing, z, scratch);
+        let (sums, products) = totals.split_at(channels);
+        for c in 0..channels {
+            dbeta[c] = sums[c] as f32;
+            dgamma[c] = (products[c] * f64::from(self.inverse[c])) as f32;
+        }
+        let factors: Vec<_> = (0..channels).map(|c| self.factors(c, shape, sums[c], products[c])).collect();
+        let factors = [0, 1, 2].map(|k| factors.iter().map(|f| f[k]).collect::<Vec<_>>());
+        self.write(isa, passing, z, dz, by_added, &factors);
+    }
+
+    /// For each channel, the sum of the gradients that pass, and of their products with z − mean.
+    fn sums<'s>(&self, isa: Isa, passing: Passing, z: View, scratch: &'s mut Scratch) -> &'s [f64] {
+        let (len, pixels) = (2 * z.shape.channels, z.shape.pixels());
+        scratch.weights.resize(pixels.div_ceil(CHUNK) * len);
+        scratch.weights.par_chunks_mut(len.max(1)).enumerate().for_each(|(i, sums)| {
+            let first = i * CHUNK;
+            let pixels = CHUNK.min(pixels - first);
+            dispatch(isa, GradientSums { passing, z, mean: self.mean, first, pixels, sums });
+        });
+        scratch.sums.clear();
+        scratch.sums.resize(len, 0.0);
+        for sums in scratch.weights.chunks_exact(len.max(1)) {
+            for (total, sum) in scratch.sums.iter_mut().zip(sums) {
+                *total += f64::from(*sum);
+            }
+        }
+        &scratch.sums
+    }
+
+    /// Factor of the gradient that passes, factor of z − mean, and what is added.
+    fn factors(&self, c: usize, shape: Shape, sum: f64, product: f64) -> [f32; 3] {
+        let inverse = f64::from(self.inverse[c]);
+        let factor = f64::from(self.gamma[c]) * inverse;
+        let share = if self.frozen { 0.0 } else { -factor / shape.pixels() as f64 };
+        [factor as f32, (share * inverse * inverse * product) as f32, (share * sum) as f32]
+    }
+
+    fn write(
+        &self,
+        isa: Isa,
+        passing: Passing,
+        z: View,
+        dz: ViewMut,
+        by_added: Option<(ViewMut, bool)>,
+        factors: &[Vec<f32>; 3],
+    ) {
+        let pixels = z.shape.pixels();
+        let chunks = pixels.div_ceil(CHUNK);
+        let (stride, added_stride) = (dz.stride, by_added.as_ref().map_or(0, |(map, _)| map.stride));
+        let accumulate = by_added.as_ref().is_some_and(|(_, accumulate)| *accumulate);
+        let mut added: Vec<_> = match by_added {
+            Some((map, _)) => map.data.chunks_mut(CHUNK * added_stride.max(1)).take(chunks).map(Some).collect(),
+            None => std::iter::repeat_with(|| None).take(chunks).collect(),
+        };
+        dz.data.par_chunks_mut(CHUNK * stride.max(1)).zip(&mut added).enumerate().for_each(|(i, (dz, added))| {
+            let first = i * CHUNK;
+            let added = added.as_deref_mut().map(|map| (map, added_stride, accumulate));
+            let pixels = CHUNK.min(pixels - first);
+            dispatch(isa, WriteGradient { passing, z, mean: self.mean, factors, first, pixels, dz, stride, added });
+        });
+    }
+}
+
+/// The gradient that passes the bounds.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Passing<'a> {
+    pub dy: View<'a>,
+    pub bounded: Option<(View<'a>, (f32, f32))>,
+}
+
+impl Passing<'_> {
+    /// Channels from `c` on of pixel `p`.
+    ///
+    /// # Safety
+    /// The processor has the instruction set of `S`, and there are more than `c` channels.
+    #[inline(always)]
+    unsafe fn load<S: Simd>(&self, p: usize, c: usize) -> S {
+        // SAFETY: the maps have the same channels
+        unsafe {
+            let dy = load::<S>(self.dy.pixel(p), c);
+            match self.bounded {
+                Some((y, (low, high))) => dy.where_between(load(y.pixel(p), c), S::splat(low), S::splat(high)),
+                None => dy,
+            }
+        }
+    }
+}
+
+struct GradientSums<'a> {
+    passing: Passing<'a>,
+    z: View<'a>,
+    mean: &'a [f32],
+    first: usize,
+    pixels: usize,
+    sums: &'a mut [f32],
+}
+
+impl Work for GradientSums<'_> {
+    #[inline(always)]
+    unsafe fn run<S: Simd>(self) {
+        let channels = self.mean.len();
+        self.sums.fill(0.0);
+        let (sums, products) = self.sums.split_at_mut(channels);
+        for p in self.first..self.first + self.pixels {
+            let z = self.z.pixel(p);
+            for c in (0..channels).step_by(S::LANES) {
+                // SAFETY: all slices have `channels` values; the caller vouches for the instruction set
+                unsafe {
+                    let passing = self.passing.load::<S>(p, c);
+                    store(load::<S>(sums, c).add(passing), sums, c);
+                    let distance = load::<S>(z, c).sub(load(self.mean, c));
+                    store(passing.fma(distance, load(products, c)), products, c);
+                }
+            }
+        }
+    }
+}
+
+struct WriteGradient<'a> {
+    passing: Passing<'a>,
+    z: View<'a>,
+    mean: &'a [f32],
+    factors: &'a [Vec<f32>; 3],
+    first: usize,
+    pixels: usize,
+    dz: &'a mut [f32],
+    stride: usize,
+    /// Gradient by what was added, its stride, and whether to add to it.
+    added: Option<(&'a mut [f32], usize, bool)>,
+}
+
+impl Work for WriteGradient<'_> {
+    #[inline(always)]
+    unsafe fn run<S: Simd>(mut self) {
+        let channels = self.mean.len();
+        let [factor, slope, constant] = self.factors;
+        for p in 0..self.pixels {
+            let z = self.z.pixel(self.first + p);
+            let dz = &mut self.dz[p * self.stride..][..channels];
+            let mut added = self.added.as_mut().map(|(map, stride, add)| (&mut map[p * *stride..][..channels], *add));
+            for c in (0..channels).step_by(S::LANES) {
+                // SAFETY: all slices have `channels` values; the caller vouches for the instruction set
+                unsafe {
+                    let passing = self.passing.load::<S>(self.first + p, c);
+                    let own = passing.fma(load(factor, c), load(constant, c));
+                    store(load::<S>(z, c).sub(load(self.mean, c)).fma(load(slope, c), own), dz, c);
+                    if let Some((map, add)) = &mut added {
+                        store(if *add { load::<S>(map, c).add(passing) } else { passing }, map, c);
+                    }
+                }
+            }
+        }
+    }
+}
