@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::candle::CandleHead;
+use super::chain::Steps;
 use super::engine::Engine;
 use super::fit::{Observer, Plan, Stopped, fit_engine};
 use super::fused::FusedHead;
@@ -27,6 +28,8 @@ pub struct Job<'a> {
     pub seed: u64,
     /// Folder of this training's own in which its state is kept while it runs; the caller removes it afterwards.
     pub checkpoint: Option<&'a Path>,
+    /// Where its steps are recorded, or what they are compared with.
+    pub steps: Steps<'a>,
 }
 
 impl Job<'_> {
@@ -64,9 +67,9 @@ pub struct Fitted {
 ///
 /// # Errors
 /// [`Error::Diverged`] if loss or parameters leave the finite numbers, [`Error::Interrupted`] after the
-/// state is saved, and those of network and disk.
+/// state is saved, [`Error::Differs`] at the first difference from a recorded training, and those of network and disk.
 pub fn fit(job: &Job, observer: &mut dyn Observer, progress: &dyn Progress) -> Result<Fitted, Error> {
-    let plan = Plan { train: job.train, checkpoint: job.checkpoint };
+    let plan = Plan { train: job.train, checkpoint: job.checkpoint, steps: job.steps };
     let mut train = |engine: &mut dyn Engine| fit_engine(&plan, engine, observer, progress);
     let (trained, head) = match job.train.engine {
         EngineKind::Fused => {

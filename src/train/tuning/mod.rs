@@ -15,6 +15,7 @@ pub use steps::TuningSteps;
 use std::path::Path;
 
 use super::Error;
+use super::chain::Steps;
 use super::fit::{Observer, Plan, Trained, fit_engine};
 use crate::backbone::WeightsSource;
 use crate::config::spec::{BackboneSpec, NetworkSpec, TrainSpec};
@@ -41,6 +42,8 @@ pub struct TuningJob<'a> {
     pub seed: u64,
     /// Folder of this training's own in which its state is kept while it runs; the caller removes it afterwards.
     pub checkpoint: Option<&'a Path>,
+    /// Where its steps are recorded, or what they are compared with.
+    pub steps: Steps<'a>,
 }
 
 /// A trained backbone with its head.
@@ -57,7 +60,7 @@ pub struct Tuning {
 /// Those of [`fit`](super::fit), and of the weights.
 pub fn tune(job: &TuningJob, observer: &mut dyn Observer, progress: &dyn Progress) -> Result<Tuning, Error> {
     let mut engine = TuningEngine::new(job, progress)?;
-    let plan = Plan { train: job.train, checkpoint: job.checkpoint };
+    let plan = Plan { train: job.train, checkpoint: job.checkpoint, steps: job.steps };
     let trained = fit_engine(&plan, &mut engine, observer, progress)?;
     Ok(Tuning { trained, network: engine.into_network()? })
 }
