@@ -99,7 +99,7 @@ fn train(
     write_refit_curve(folder.path(), Arm::Tuned, 0, &done.trained.curve)?;
     match done.network {
         Network::Tuned(network) => Ok(network),
-        Network::Head(_) => unreachable!("views are trained on with their backbone"),
+        Network::Heads(_) => unreachable!("views are trained on with their backbone"),
     }
 }
 

@@ -7,7 +7,7 @@ use candle_core::{CpuStorage, DType, Device, InplaceOp1, Layout, Result as Candl
 use super::engine::{Engine, Group, Place, TensorMut};
 use super::head::Job;
 use super::{Error, TrainingData, draws};
-use crate::network::{Coding, Head, Layer, LossOp};
+use crate::network::{Coding, Head, Layer, LossOp, Part, read, with_given};
 use crate::store::Hash;
 
 /// A head, and the rows that it is trained on.
@@ -18,22 +18,22 @@ pub(super) struct CandleHead<'a> {
     names: Vec<[String; 2]>,
     /// Coded labels of all training rows.
     targets: Vec<[f32; 2]>,
-    /// The rows of a step, `[batch × dim]`, filled anew each time.
+    /// The rows of a step, `[batch × (dim + given)]`, filled anew each time.
     batch: Tensor,
 }
 
 impl<'a> CandleHead<'a> {
     /// Before the first step.
-    pub fn new(job: &'a Job<'a>) -> Result<Self, Error> {
+    pub fn new(job: &'a Job<'a>, part: Part) -> Result<Self, Error> {
         let data = job.data;
-        let head = Head::new(job.network, job.coding, data.standardisation().clone(), job.seed)?;
+        let head = Head::new(job.network, job.coding, data.standardisation().clone(), job.seed, part)?;
         let rows = (job.train.batch_size as usize).min(data.train_rows());
         Ok(Self {
             job,
             names: head_names(&head),
             head,
             targets: data.train_labels().iter().map(|label| job.coding.encode(label.0, label.1)).collect(),
-            batch: Tensor::zeros((rows, data.dim()), DType::F32, &Device::Cpu)?,
+            batch: Tensor::zeros((rows, data.dim() + part.given()), DType::F32, &Device::Cpu)?,
         })
     }
 
@@ -53,10 +53,15 @@ impl Engine for CandleHead<'_> {
     }
 
     fn gradients(&mut self, rows: &[u32], place: Place, share: f64) -> Result<f64, Error> {
-        self.batch.inplace_op1(&Gather { data: self.job.data, rows })?;
+        let part = self.head.part();
+        self.batch.inplace_op1(&Gather {
+            data: self.job.data,
+            rows,
+            given: (part.given() > 0).then_some(&self.targets),
+        })?;
         let x = self.batch.narrow(0, 0, rows.len())?;
-        let mut masks = |layer, n, dropped| draws::dropout_mask(self.job.seed, place, layer, n, dropped);
-        let targets = rows.iter().flat_map(|row| self.targets[*row as usize]).collect();
+        let mut masks = |layer, n, dropped| draws::dropout_mask(part.seed(self.job.seed), place, layer, n, dropped);
+        let targets = rows.iter().flat_map(|row| &self.targets[*row as usize][part.outputs()]).copied().collect();
         let outputs = self.head.forward(&x, &mut masks)?;
         let loss = outputs.apply_op1(LossOp { loss: self.job.train.loss, targets, share })?;
         let value = loss.to_scalar::<f64>()?;
@@ -71,8 +76,11 @@ impl Engine for CandleHead<'_> {
         visit_head(&self.head, &self.names, visit)
     }
 
-    fn validate(&mut self) -> Result<Vec<[f32; 2]>, Error> {
-        Ok(self.head.predict_standardised(self.job.data.validation())?)
+    fn outputs(&mut self, given: Option<&[f32]>) -> Result<Vec<f32>, Error> {
+        let data = self.job.data;
+        let Some(given) = given else { return Ok(self.head.predict_standardised(data.validation())?) };
+        let rows = read(data.validation(), |rows| with_given(rows, data.dim(), Some(given)))??;
+        Ok(self.head.predict_standardised(&rows)?)
     }
 
     fn validation_labels(&self) -> &[(f64, f64)] {
@@ -109,6 +117,8 @@ pub(super) fn visit_head(
 struct Gather<'a> {
     data: &'a TrainingData,
     rows: &'a [u32],
+    /// Coded labels of all rows, the first of which is put after a row's features.
+    given: Option<&'a Vec<[f32; 2]>>,
 }
 
 impl InplaceOp1 for Gather<'_> {
@@ -118,8 +128,12 @@ impl InplaceOp1 for Gather<'_> {
 
     fn cpu_fwd(&self, storage: &mut CpuStorage, _: &Layout) -> CandleResult<()> {
         let CpuStorage::F32(batch) = storage else { bail!("batch is not of type f32") };
-        for (to, row) in batch.chunks_exact_mut(self.data.dim()).zip(self.rows) {
-            to.copy_from_slice(self.data.train_row(*row));
+        let dim = self.data.dim();
+        for (to, row) in batch.chunks_exact_mut(dim + usize::from(self.given.is_some())).zip(self.rows) {
+            to[..dim].copy_from_slice(self.data.train_row(*row));
+            if let Some(labels) = self.given {
+                to[dim] = labels[*row as usize][0];
+            }
         }
         Ok(())
     }

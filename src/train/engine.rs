@@ -43,9 +43,11 @@ pub(crate) trait Engine {
         Ok(())
     }
 
-    /// Coded outputs for all validation rows, dropout off. One that ends with [`Error::Interrupted`] is asked again
-    /// when the training goes on, and has changed nothing.
-    fn validate(&mut self) -> Result<Vec<[f32; 2]>, Error>;
+    /// Coded outputs for all validation rows, one row after the other, dropout off: two a row, or one if it is a part of
+    /// an estimate's networks. `given` holds what the second network of a sequence is told: the first one's outputs.
+    ///
+    /// One that ends with [`Error::Interrupted`] is asked again when the training goes on, and has changed nothing.
+    fn outputs(&mut self, given: Option<&[f32]>) -> Result<Vec<f32>, Error>;
 
     /// (f, ξ) of each validation row.
     fn validation_labels(&self) -> &[(f64, f64)];

@@ -249,7 +249,8 @@ impl<'a> Run<'a> {
 
     fn validate(&mut self, train_loss: f64) -> Result<EpochRecord, Error> {
         let Position { epoch, step, .. } = self.position;
-        let outputs = self.engine.validate()?;
+        let outputs = self.engine.outputs(None)?;
+        let (outputs, _) = outputs.as_chunks::<2>();
         let (coding, labels) = (self.engine.coding(), self.engine.validation_labels());
         let (mut sum_f, mut sum_xi) = (0.0, 0.0);
         for (output, label) in outputs.iter().zip(labels) {

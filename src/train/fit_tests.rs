@@ -90,7 +90,7 @@ fn chain(network: &NetworkSpec, train: &TrainSpec, data: &TrainingData) -> Vec<u
 }
 
 fn bits(fitted: &Fitted) -> Vec<u64> {
-    let parameters = fitted.head.parameters().unwrap().into_iter().map(|p| u64::from(p.to_bits()));
+    let parameters = fitted.network.parameters().unwrap().into_iter().map(|p| u64::from(p.to_bits()));
     let curve = fitted.curve.iter().flat_map(|r| [r.train_loss, r.validation_loss, r.mae_f, r.mae_xi, r.objective]);
     parameters.chain(curve.map(f64::to_bits)).collect()
 }
@@ -113,8 +113,9 @@ fn validation_improves_and_the_weights_kept_are_those_of_the_best_epoch() {
     let lowest = fitted.curve.iter().map(|r| r.objective).fold(f64::INFINITY, f64::min);
     assert_eq!((fitted.best_objective, fitted.curve[fitted.best_epoch as usize].objective), (lowest, lowest));
     assert!(lowest < 0.5 * fitted.curve[0].objective, "{} to {lowest}", fitted.curve[0].objective);
-    let outputs = fitted.head.predict_standardised(data.validation()).unwrap();
-    let errors = outputs.iter().zip(data.validation_labels()).map(|(o, l)| (coding().decode(*o).0 - l.0).abs());
+    let outputs = fitted.network.heads()[0].predict_standardised(data.validation()).unwrap();
+    let errors =
+        outputs.as_chunks().0.iter().zip(data.validation_labels()).map(|(o, l)| (coding().decode(*o).0 - l.0).abs());
     let mae_f = errors.sum::<f64>() / data.validation_rows() as f64;
     assert_eq!(mae_f, fitted.curve[fitted.best_epoch as usize].mae_f);
 }
@@ -151,7 +152,9 @@ fn engines_give_the_same_bits() {
             for (dropout, accumulate, clip_norm) in [(0.0, 1, 0.0), (0.3, 1, 0.05), (0.5, 3, 0.0)] {
                 let layer = |k: usize, units| LayerSpec { units, activation: kinds[(i + k) % 3], dropout };
                 let layers = [50, 1, 33].into_iter().enumerate().map(|(k, units)| layer(k, units)).collect();
-                let network = NetworkSpec { layers, output, ..network(0.0) };
+                let kind =
+                    [NetworkKind::SingleNet, NetworkKind::DualNet, NetworkKind::SeqNet][(i + accumulate as usize) % 3];
+                let network = NetworkSpec { kind, layers, output, ..network(0.0) };
                 let both = [EngineKind::Fused, EngineKind::Candle].map(|engine| {
                     let train = TrainSpec { engine, optimizer, loss, accumulate, clip_norm, ..train(5) };
                     bits(&run(&network, &train, &data, 3).unwrap())

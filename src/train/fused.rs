@@ -9,14 +9,15 @@ use super::head::Job;
 use super::{Error, TrainingData, draws};
 use crate::config::spec::Activation;
 use crate::kernel::{Buffer, Mat, Start, add_rows, isa, product, times, transpose};
-use crate::network::{Coding, Head, activate, mean_loss, read, scaled_gradient, times_slope};
+use crate::network::{Coding, Head, Part, activate, mean_loss, read, scaled_gradient, times_slope, with_given};
 use crate::store::Hash;
 
 /// Validation rows that are worked on at a time.
 const BLOCK_ROWS: usize = 256;
 /// Weights whose gradient is computed at a time, at least.
 const PIECE: usize = 8192;
-/// Floats between the rows of a batch: without them, rows of 2048 features would share the sets of a cache.
+/// Floats between the rows of a batch: without them, rows of 2048 features would share the sets of a cache. The first one
+/// holds what the second network of a sequence is told.
 const GAP: usize = 16;
 
 /// A head, and the rows that it is trained on.
@@ -43,13 +44,15 @@ struct Batch {
 }
 
 impl Batch {
-    fn gather(&mut self, data: &TrainingData, targets: &[[f32; 2]], rows: &[u32]) {
+    fn gather(&mut self, data: &TrainingData, part: Part, targets: &[[f32; 2]], rows: &[u32]) {
         let stride = data.dim() + GAP;
         self.rows.resize(rows.len() * stride);
         self.targets.clear();
         for (to, row) in self.rows.chunks_exact_mut(stride).zip(rows) {
+            let label = &targets[*row as usize];
             to[..data.dim()].copy_from_slice(data.train_row(*row));
-            self.targets.extend(targets[*row as usize]);
+            to[data.dim()] = label[0];
+            self.targets.extend_from_slice(&label[part.outputs()]);
         }
     }
 
@@ -132,9 +135,9 @@ impl Layer {
 
 impl<'a> FusedHead<'a> {
     /// Before the first step.
-    pub fn new(job: &'a Job<'a>) -> Result<Self, Error> {
+    pub fn new(job: &'a Job<'a>, part: Part) -> Result<Self, Error> {
         let data = job.data;
-        let head = Head::new(job.network, job.coding, data.standardisation().clone(), job.seed)?;
+        let head = Head::new(job.network, job.coding, data.standardisation().clone(), job.seed, part)?;
         Ok(Self {
             job,
             layers: layers(&head, job.train.accumulate > 1)?,
@@ -156,12 +159,12 @@ impl<'a> FusedHead<'a> {
 
     /// Activations of all layers for the rows of the batch.
     fn forward(&mut self, n: usize, place: Place) {
-        let dim = self.job.data.dim();
+        let (dim, seed) = (self.job.data.dim(), self.head.part().seed(self.job.seed));
         for i in 0..self.layers.len() {
             let (before, rest) = self.layers.split_at_mut(i);
             let x = before.last().map_or_else(|| self.batch.mat(dim), Layer::output);
             rest[0].forward(x, n);
-            rest[0].drop_out(self.job.seed, place, i);
+            rest[0].drop_out(seed, place, i);
         }
     }
 
@@ -196,8 +199,8 @@ impl<'a> FusedHead<'a> {
     }
 
     /// Outputs of `rows`, dropout off.
-    fn predict(&mut self, rows: &[f32], outputs: &mut Vec<[f32; 2]>) {
-        let dim = self.job.data.dim();
+    fn predict(&mut self, rows: &[f32], outputs: &mut Vec<f32>) {
+        let dim = self.job.data.dim() + self.head.part().given();
         for rows in rows.chunks(BLOCK_ROWS * dim) {
             let n = rows.len() / dim;
             for i in 0..self.layers.len() {
@@ -206,7 +209,7 @@ impl<'a> FusedHead<'a> {
                 rest[0].forward(x, n);
             }
             let last = self.layers.last().map_or(&[][..], |l| &l.activations);
-            outputs.extend(last.as_chunks::<2>().0);
+            outputs.extend_from_slice(last);
         }
     }
 }
@@ -245,7 +248,7 @@ impl Engine for FusedHead<'_> {
 
     fn gradients(&mut self, rows: &[u32], place: Place, share: f64) -> Result<f64, Error> {
         let train = self.job.train;
-        self.batch.gather(self.job.data, &self.targets, rows);
+        self.batch.gather(self.job.data, self.head.part(), &self.targets, rows);
         self.forward(rows.len(), place);
         let targets = &self.batch.targets;
         let Some(Layer { activations: outputs, flow, .. }) = self.layers.last_mut() else { return Ok(0.0) };
@@ -302,10 +305,16 @@ impl Engine for FusedHead<'_> {
         Ok(())
     }
 
-    fn validate(&mut self) -> Result<Vec<[f32; 2]>, Error> {
+    fn outputs(&mut self, given: Option<&[f32]>) -> Result<Vec<f32>, Error> {
         let data = self.job.data;
-        let mut outputs = Vec::with_capacity(data.validation_rows());
-        read(data.validation(), |rows| self.predict(rows, &mut outputs))?;
+        let mut outputs = Vec::with_capacity(2 * data.validation_rows());
+        match given {
+            None => read(data.validation(), |rows| self.predict(rows, &mut outputs))?,
+            Some(given) => {
+                let rows = read(data.validation(), |rows| with_given(rows, data.dim(), Some(given)))??;
+                read(&rows, |rows| self.predict(rows, &mut outputs))?;
+            }
+        }
         Ok(outputs)
     }
 

@@ -5,11 +5,12 @@ use std::path::Path;
 use super::candle::CandleHead;
 use super::chain::Steps;
 use super::engine::Engine;
-use super::fit::{Observer, Plan, Stopped, fit_engine};
+use super::fit::{Observer, Plan, Stopped, Trained, fit_engine};
 use super::fused::FusedHead;
+use super::parts::Parts;
 use super::{EpochRecord, Error, TrainingData};
 use crate::config::spec::{EngineKind, NetworkSpec, TrainSpec};
-use crate::network::{Coding, Head};
+use crate::network::{Coding, Estimator, Head, Part};
 use crate::pipeline::progress::Progress;
 use crate::store::{self, Hash, hash_json};
 
@@ -53,7 +54,7 @@ pub struct Fitted {
     /// Why training ended.
     pub stopped: Stopped,
     /// The network with the weights of that epoch.
-    pub head: Head,
+    pub network: Estimator,
 }
 
 /// Trains a head.
@@ -69,23 +70,26 @@ pub struct Fitted {
 /// [`Error::Diverged`] if loss or parameters leave the finite numbers, [`Error::Interrupted`] after the
 /// state is saved, [`Error::Differs`] at the first difference from a recorded training, and those of network and disk.
 pub fn fit(job: &Job, observer: &mut dyn Observer, progress: &dyn Progress) -> Result<Fitted, Error> {
-    let plan = Plan { train: job.train, checkpoint: job.checkpoint, steps: job.steps };
-    let mut train = |engine: &mut dyn Engine| fit_engine(&plan, engine, observer, progress);
-    let (trained, head) = match job.train.engine {
-        EngineKind::Fused => {
-            let mut engine = FusedHead::new(job)?;
-            (train(&mut engine)?, engine.into_head()?)
-        }
+    match job.train.engine {
+        EngineKind::Fused => fit_parts(job, |part| FusedHead::new(job, part), FusedHead::into_head, observer, progress),
         EngineKind::Candle => {
-            let mut engine = CandleHead::new(job)?;
-            (train(&mut engine)?, engine.into_head())
+            let finish = |engine: CandleHead| Ok(engine.into_head());
+            fit_parts(job, |part| CandleHead::new(job, part), finish, observer, progress)
         }
-    };
-    Ok(Fitted {
-        curve: trained.curve,
-        best_epoch: trained.best_epoch,
-        best_objective: trained.best_objective,
-        stopped: trained.stopped,
-        head,
-    })
+    }
+}
+
+/// Trains an engine from `make` for each network that `job` asks for, and takes the head of each with `finish`.
+fn fit_parts<E: Engine>(
+    job: &Job,
+    make: impl Fn(Part) -> Result<E, Error>,
+    finish: impl Fn(E) -> Result<Head, Error>,
+    observer: &mut dyn Observer,
+    progress: &dyn Progress,
+) -> Result<Fitted, Error> {
+    let mut parts = Parts::new(job.network.kind, make)?;
+    let plan = Plan { train: job.train, checkpoint: job.checkpoint, steps: job.steps };
+    let Trained { curve, best_epoch, best_objective, stopped } = fit_engine(&plan, &mut parts, observer, progress)?;
+    let heads = parts.into_engines().into_iter().map(finish).collect::<Result<_, _>>()?;
+    Ok(Fitted { curve, best_epoch, best_objective, stopped, network: Estimator::of(heads) })
 }

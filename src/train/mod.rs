@@ -15,6 +15,7 @@ mod fit;
 mod fused;
 mod head;
 mod optimizer;
+mod parts;
 mod schedule;
 mod tuning;
 

@@ -48,6 +48,9 @@ pub(super) fn check(file: &Arc<Source>, tree: &Node, faulty: &[Vec<String>]) -> 
     if let Some(network) = &network {
         model::network(&mut rules, network);
     }
+    if tree.get("kind").and_then(Node::text) == Some("pretraining") {
+        model::pretraining(&mut rules, backbone.as_ref(), network.as_ref());
+    }
     if let Some(baseline) = &baseline {
         model::baseline(&mut rules, baseline);
     }

@@ -102,8 +102,14 @@ fn contradictions_that_rules_find() {
             "mirror: true",
         ),
         (
-            "seed: 1\nnetwork: {kind: dual_net}\n",
-            "study.yaml:2:17: `network.kind: dual_net` needs training through the backbone, which this version does not do",
+            "seed: 1\nbackbone: {tune: 'last:2'}\n",
+            "study.yaml:2:18: `backbone.tune: last:2` would train on top of random blocks that stay random",
+            "tune: full",
+        ),
+        ("kind: pretraining\nseed: 1\n", "`backbone.tune: frozen` leaves a pretraining nothing to train", "tune: full"),
+        (
+            "kind: pretraining\nseed: 1\nbackbone: {tune: full}\nnetwork: {kind: dual_net}\n",
+            "study.yaml:4:17: a pretraining trains one backbone, and `network.kind: dual_net` has two",
             "single_net",
         ),
         (

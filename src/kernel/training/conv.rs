@@ -1,7 +1,7 @@
 //! A convolution whose weights change: forward, and both gradients.
 
 use super::Scratch;
-use super::product::{Packed, Shared, Target, multiply};
+use super::product::{Packed, Target, multiply};
 use super::weight_gradient::WeightGradient;
 use super::windows::{Axis, Phase, Windows};
 use crate::kernel::buffer::Buffer;
@@ -114,7 +114,7 @@ impl TrainableConv {
     /// If a shape is not that of this convolution.
     pub fn by_weights(&self, x: View, dy: View, dw: &mut [f32], accumulate: bool) {
         self.check(x.shape, dy.shape, dw.len());
-        WeightGradient::new(self.isa, self.window, x, dy).run(Shared::new(dw), accumulate);
+        WeightGradient::new(self.isa, self.window, x, dy).run(dw, accumulate);
     }
 }
 

@@ -4,6 +4,7 @@
 //! a sum.
 
 mod conv;
+mod copies;
 mod depthwise;
 mod norm;
 mod pool;
