@@ -60,6 +60,8 @@ impl Global {
 pub enum Command {
     /// Execute an experiment or a suite, or go on with an interrupted one.
     Run(RunArgs),
+    /// Compute a finished run's trainings again and compare them with what it recorded, step by step.
+    Verify(VerifyArgs),
     /// Check experiment files without computing anything.
     Check(CheckArgs),
     /// Show the stages of an experiment: cached or to run, why, and for how long.
@@ -119,6 +121,32 @@ pub struct RunArgs {
     /// Begin a new run even if there is one, and make every artefact anew.
     #[arg(long)]
     pub fresh: bool,
+}
+
+/// `panotune verify`.
+#[derive(Debug, Clone, Args)]
+pub struct VerifyArgs {
+    /// Folder of a finished run.
+    pub run: PathBuf,
+    /// Only this trial.
+    #[arg(long, value_name = "N", conflicts_with = "sample")]
+    pub trial: Option<u32>,
+    /// Only this share of all trainings, e.g. `10%`; the run's seed chooses which, at least one.
+    #[arg(long, value_name = "SHARE", value_parser = share)]
+    pub sample: Option<f64>,
+    /// Make every artefact anew, without the cache.
+    #[arg(long)]
+    pub fresh: bool,
+}
+
+/// A share above 0 and up to 1, as `10%` or `0.1`.
+fn share(text: &str) -> Result<f64, String> {
+    let number = |text: &str| text.trim().parse::<f64>().ok();
+    let share = match text.strip_suffix('%') {
+        Some(percent) => number(percent).map(|x| x / 100.0),
+        None => number(text),
+    };
+    share.filter(|x| *x > 0.0 && *x <= 1.0).ok_or_else(|| "expected a share such as `10%` or `0.1`".to_owned())
 }
 
 /// `panotune check`.

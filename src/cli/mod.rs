@@ -10,6 +10,7 @@ mod plan;
 mod progress;
 mod run;
 mod study;
+mod verify;
 mod weights;
 
 pub use args::Cli;
@@ -68,6 +69,7 @@ fn dispatch(cli: &Cli) -> Result<(), Failure> {
     pool.map_err(|e| Failure { class: Class::Run, message: format!("error: cannot start {threads} threads: {e}") })?;
     match &cli.command {
         Command::Run(args) => run::run(&cli.global, args),
+        Command::Verify(args) => verify::verify(&cli.global, args),
         Command::Check(args) => check::check(args),
         Command::Plan(args) => plan::plan(&cli.global, args),
         Command::Config(args) => config::config(args),

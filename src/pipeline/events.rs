@@ -14,14 +14,20 @@ const FORMAT: u32 = 1;
 /// Writes `events.jsonl`.
 #[derive(Debug)]
 pub struct Events {
-    log: AppendLog,
+    /// Nothing is written without.
+    log: Option<AppendLog>,
     begun: Instant,
 }
 
 impl Events {
     /// Opens the log at `path`, after what earlier processes wrote.
     pub fn open(path: &Path) -> Result<Self, Error> {
-        Ok(Self { log: AppendLog::open(path)?, begun: Instant::now() })
+        Ok(Self { log: Some(AppendLog::open(path)?), begun: Instant::now() })
+    }
+
+    /// A log that keeps nothing.
+    pub fn nowhere() -> Self {
+        Self { log: None, begun: Instant::now() }
     }
 
     /// Adds an event with its fields, the time, and the seconds since this process began.
@@ -34,7 +40,7 @@ impl Events {
         if let Ok(Value::Object(fields)) = serde_json::to_value(fields) {
             line.extend(fields);
         }
-        self.log.append(&line)
+        self.log.as_ref().map_or(Ok(()), |log| log.append(&line))
     }
 
     /// Time since this process began to work on the run.

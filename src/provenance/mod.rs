@@ -1,5 +1,6 @@
 //! What a run was made with: commit, lock file, toolchain, hardware, threads.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::Command;
 
@@ -34,15 +35,16 @@ pub struct Provenance {
     pub threads: usize,
     /// Cargo features that are on.
     pub features: Vec<String>,
-    /// `bitwise`: a rerun on any x86-64 machine gives the same bits.
-    pub class: String,
+    /// `bitwise`: a rerun on any x86-64 machine gives the same bits; `tolerance`: it gives nearly the same numbers.
+    #[serde(alias = "class")]
+    pub exactness: String,
 }
 
 impl Provenance {
     /// Looks around: the repository of `experiment_file`, the build, the machine.
     pub fn gather(experiment_file: &Path, isa: &str, threads: usize) -> Self {
         let folder = experiment_file.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let class = if cfg!(target_arch = "x86_64") { "bitwise" } else { "tolerance" };
+        let exactness = if cfg!(target_arch = "x86_64") { "bitwise" } else { "tolerance" };
         Self {
             format: 1,
             version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -56,8 +58,27 @@ impl Provenance {
             isa: isa.to_owned(),
             threads,
             features: Vec::new(),
-            class: class.to_owned(),
+            exactness: exactness.to_owned(),
         }
+    }
+}
+
+impl Provenance {
+    /// What may make `later` another result: each field that differs, as it is here and there.
+    pub fn differences(&self, later: &Self) -> BTreeMap<&'static str, [String; 2]> {
+        let commit = |p: &Self| p.commit.clone().unwrap_or_else(|| "none".to_owned());
+        let fields = [
+            ("version", self.version.clone(), later.version.clone()),
+            ("commit", commit(self), commit(later)),
+            ("lock file", self.lock_file_sha256.clone(), later.lock_file_sha256.clone()),
+            ("rustc", self.rustc.clone(), later.rustc.clone()),
+            ("target", self.target.clone(), later.target.clone()),
+            ("processor", self.cpu.clone(), later.cpu.clone()),
+            ("instruction set", self.isa.clone(), later.isa.clone()),
+            ("threads", self.threads.to_string(), later.threads.to_string()),
+        ];
+        let differs = fields.into_iter().filter(|(_, then, now)| then != now);
+        differs.map(|(name, then, now)| (name, [then, now])).collect()
     }
 }
 

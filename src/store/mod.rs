@@ -3,6 +3,7 @@
 //! A file appears complete or not at all: it is written to a temporary file in the same folder,
 //! synced, and renamed. No other module opens a file for writing.
 
+mod appender;
 mod artefact;
 mod file;
 mod hash;
@@ -11,6 +12,7 @@ mod presence;
 mod run_folder;
 mod shared_log;
 
+pub use appender::Appender;
 pub use artefact::{Artefact, ArtefactWriter, Cache};
 pub use file::{AtomicFile, copy, create_dir, make, read, read_to_string, remove_dir, remove_file, write, write_json};
 pub use hash::{Hash, Hasher, hash_bytes, hash_file, hash_json};

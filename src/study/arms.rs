@@ -6,21 +6,21 @@ use std::sync::{Mutex, PoisonError};
 
 use super::networks::{Network, Settings, Training};
 use super::stages::{Epochs, Stages};
+use super::trainings::Which;
 use super::trials::side_by_side;
 use super::{Error, Options};
 use crate::config::spec::{BaselineSpec, Experiment, NetworkSpec, TrainSpec};
 use crate::dataset::View;
 use crate::evaluate::{Arm, Prediction};
-use crate::rng::derive_seed;
 use crate::store::{self, RunFolder};
 use crate::tables::write_refit_curve;
-use crate::train::{self, EpochRecord, Verdict};
+use crate::train::{self, EpochRecord, Steps, Verdict};
 
 /// What each refit of each arm predicts for the views that no network was trained on.
 pub(super) type Predictions = BTreeMap<Arm, Vec<Vec<Prediction>>>;
 
 /// Network and training of the baseline arm: everything but its own keys is shared.
-fn baseline(spec: &Experiment) -> (NetworkSpec, TrainSpec) {
+pub(super) fn baseline(spec: &Experiment) -> (NetworkSpec, TrainSpec) {
     let BaselineSpec { source: _, layers, optimizer, learning_rate, momentum, weight_decay, batch_size } =
         spec.baseline.clone();
     let network = NetworkSpec { layers, ..spec.network.clone() };
@@ -80,16 +80,16 @@ fn one(
     training: &Training,
     stages: &Stages,
 ) -> Result<Network, Error> {
-    let name = format!("{}-{index}", arm.name());
-    let model: PathBuf = run.join("models").join(format!("{name}.safetensors"));
+    let which = Which::Refit(arm, index);
+    let model: PathBuf = run.join("models").join(format!("{which}.safetensors"));
     let epochs = Epochs::new(stages, train.epochs);
     if model.is_file() {
         epochs.finish();
         return Ok(training.load(&model)?);
     }
-    let checkpoint = run.join("checkpoints").join(&name);
-    let settings =
-        Settings { network, train, seed: derive_seed(spec.seed, "refit", &[index.into()]), checkpoint: &checkpoint };
+    let (checkpoint, chain) = (which.checkpoint(run), which.chain(run));
+    let (seed, steps) = (which.seed(spec.seed), Steps::To(&chain));
+    let settings = Settings { network, train, seed, checkpoint: Some(&checkpoint), steps };
     let done = match training.train(settings, &mut |_: &EpochRecord| Verdict::Continue, &epochs) {
         Err(train::Error::Interrupted) => return Err(Error::Interrupted),
         other => other?,

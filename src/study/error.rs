@@ -13,6 +13,25 @@ pub enum Error {
         /// The run's folder.
         folder: PathBuf,
     },
+    /// A folder that `panotune run` has not brought to its end.
+    #[error("`{}` is not the folder of a finished run: `{missing}` is missing\nhint: give the folder that `panotune run` printed", folder.display())]
+    NotARun {
+        /// The folder.
+        folder: PathBuf,
+        /// What is missing.
+        missing: String,
+    },
+    /// There is nothing to compare with.
+    #[error("`{}` has {what}\nhint: only trainings with a `*.chain` can be verified", folder.display())]
+    NothingRecorded {
+        /// The run's folder.
+        folder: PathBuf,
+        /// What it lacks.
+        what: String,
+    },
+    /// What was computed is not what the run recorded.
+    #[error("different: {0}")]
+    Differs(Box<super::RunDifference>),
     /// No trial has a value, so there is nothing to refit.
     #[error(
         "none of the {trials} trials came to a value: {reason}\nhint: look at `trials/*/params.json`; a smaller learning rate may help"
@@ -115,7 +134,8 @@ impl Classify for Error {
             | Error::Json(_)
             | Error::Yaml(_) => Class::Run,
             Error::Threads(_) => Class::Run,
-            Error::WeightsName { .. } => Class::Input,
+            Error::WeightsName { .. } | Error::NotARun { .. } | Error::NothingRecorded { .. } => Class::Input,
+            Error::Differs(_) => Class::Different,
             Error::Interrupted => Class::Interrupted,
             Error::Store(e) => e.class(),
             Error::Panorama(e) => e.class(),

@@ -17,13 +17,16 @@ mod plan;
 mod pretrain;
 mod stages;
 mod suite;
+mod trainings;
 mod trials;
+mod verify;
 mod weights;
 
 pub use error::Error;
 pub use outputs::summary;
 pub use plan::plan;
 pub use suite::run_suite;
+pub use verify::{Choice, RunDifference, Verified, verify};
 pub use weights::{install_weights, list_weights};
 
 use std::path::{Path, PathBuf};

@@ -14,7 +14,7 @@ use crate::pipeline::progress::Progress;
 use crate::store::RunFolder;
 use crate::tables::write_arm_predictions;
 use crate::train::{
-    self, Fitted, Job, Observer, Trained, TrainingData, TunedNetwork, Tuning, TuningData, TuningJob, fit, tune,
+    self, Fitted, Job, Observer, Steps, Trained, TrainingData, TunedNetwork, Tuning, TuningData, TuningJob, fit, tune,
 };
 
 /// Gives the image of a copy of a view, as the backbone takes it.
@@ -52,7 +52,8 @@ pub(super) struct Settings<'a> {
     pub network: &'a NetworkSpec,
     pub train: &'a TrainSpec,
     pub seed: u64,
-    pub checkpoint: &'a Path,
+    pub checkpoint: Option<&'a Path>,
+    pub steps: Steps<'a>,
 }
 
 impl Training<'_> {
@@ -79,17 +80,17 @@ impl Training<'_> {
         observer: &mut dyn Observer,
         progress: &dyn Progress,
     ) -> Result<TrainedNetwork, train::Error> {
-        let Settings { network, train, seed, checkpoint } = settings;
-        let (coding, checkpoint) = (&self.coding, Some(checkpoint));
+        let Settings { network, train, seed, checkpoint, steps } = settings;
+        let coding = &self.coding;
         match &self.material {
             Material::Features { data, .. } => {
-                let job = Job { network, train, coding, data, seed, checkpoint };
+                let job = Job { network, train, coding, data, seed, checkpoint, steps };
                 let Fitted { curve, best_epoch, best_objective, stopped, network } = fit(&job, observer, progress)?;
                 let trained = Trained { curve, best_epoch, best_objective, stopped };
                 Ok(TrainedNetwork { trained, network: Network::Heads(network) })
             }
             Material::Views { backbone, weights, data, .. } => {
-                let job = TuningJob { backbone, weights, network, train, coding, data, seed, checkpoint };
+                let job = TuningJob { backbone, weights, network, train, coding, data, seed, checkpoint, steps };
                 let Tuning { trained, network } = tune(&job, observer, progress)?;
                 Ok(TrainedNetwork { trained, network: Network::Tuned(network) })
             }

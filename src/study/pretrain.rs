@@ -3,21 +3,21 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use super::networks;
+use super::inputs::coding;
+use super::networks::{self, Images, Material, Network, Settings, Training};
 use super::stages::{Epochs, Made, Stages};
+use super::trainings::Which;
 use super::{Error, Options, describe_run};
 use crate::backbone::WeightsDescription;
 use crate::config::LoadedExperiment;
 use crate::config::spec::Experiment;
 use crate::dataset::Dataset;
 use crate::evaluate::Arm;
-use crate::network::Coding;
 use crate::pipeline::events::Events;
 use crate::pipeline::progress::Progress;
-use crate::rng::derive_seed;
 use crate::store::{self, RunFolder};
 use crate::tables::write_refit_curve;
-use crate::train::{EpochRecord, TunedNetwork, TuningData, TuningJob, Verdict, tune};
+use crate::train::{EpochRecord, Steps, TunedNetwork, TuningData, Verdict};
 
 /// What of a pretraining is equal to the byte between reruns.
 const EXACT: [&str; 6] = ["weights", "metrics.json", "comparisons.json", "curves", "predictions", "resolved.yaml"];
@@ -47,8 +47,23 @@ pub(super) fn execute(
     })?;
     super::outputs::write_durations(&folder)?;
     events.tell("run_finished", &serde_json::json!({ "run": folder.path() }))?;
-    store::remove_dir(&folder.join("checkpoint"))?;
+    store::remove_dir(&Which::Pretraining.checkpoint(folder.path()))?;
     Ok(folder.finish(&EXACT)?)
+}
+
+/// What the training of a pretraining is trained on; `images` gives the image of a copy of a view.
+pub(super) fn training<'a>(
+    spec: &'a Experiment,
+    options: &Options,
+    dataset: &Made<Dataset>,
+    stages: &Stages,
+    images: Images<'a>,
+) -> Result<Training<'a>, Error> {
+    let origin = stages.image_origin(dataset)?;
+    let data = TuningData::of_images(dataset.value.views(), &spec.augment, images, &origin)?;
+    let weights = super::stages::weights_source(spec, &options.weights)?;
+    let material = Material::Views { backbone: &spec.backbone, weights, data, images };
+    Ok(Training { coding: coding(spec), material })
 }
 
 fn train(
@@ -59,19 +74,15 @@ fn train(
     stages: &Stages,
 ) -> Result<TunedNetwork, Error> {
     let image = |row| stages.network_input(&dataset.value, row);
-    let origin = stages.image_origin(dataset)?;
-    let data = TuningData::of_images(dataset.value.views(), &spec.augment, &image, &origin)?;
-    let coding = Coding::new(spec.network.labels, &spec.dataset.focal_px, &spec.dataset.distortion);
-    let checkpoint = folder.join("checkpoint");
-    let job = TuningJob {
-        backbone: &spec.backbone,
-        weights: &super::stages::weights_source(spec, &options.weights)?,
+    let training = training(spec, options, dataset, stages, &image)?;
+    let which = Which::Pretraining;
+    let (checkpoint, chain) = (which.checkpoint(folder.path()), which.chain(folder.path()));
+    let settings = Settings {
         network: &spec.network,
         train: &spec.train,
-        coding: &coding,
-        data: &data,
-        seed: derive_seed(spec.seed, "pretraining", &[]),
+        seed: which.seed(spec.seed),
         checkpoint: Some(&checkpoint),
+        steps: Steps::To(&chain),
     };
     stages.progress.begin("epochs", spec.train.epochs.into());
     let mut tell = |record: &EpochRecord| {
@@ -82,11 +93,14 @@ fn train(
         Verdict::Continue
     };
     let epochs = Epochs::new(stages, spec.train.epochs);
-    let tuning = tune(&job, &mut tell, &epochs)?;
+    let done = training.train(settings, &mut tell, &epochs)?;
     epochs.finish();
     stages.progress.end();
-    write_refit_curve(folder.path(), Arm::Tuned, 0, &tuning.trained.curve)?;
-    Ok(tuning.network)
+    write_refit_curve(folder.path(), Arm::Tuned, 0, &done.trained.curve)?;
+    match done.network {
+        Network::Tuned(network) => Ok(network),
+        Network::Heads(_) => unreachable!("views are trained on with their backbone"),
+    }
 }
 
 /// Writes `weights/<name>.safetensors` in half precision, to which the network is rounded, and its description.

@@ -1,6 +1,6 @@
 //! The stages whose results runs share: panoramas, dataset, features, spectra.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Instant;
@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 use serde_json::json;
 
-use super::{Error, Options};
+use super::{Error, Options, RunDifference};
 use crate::backbone::{self, Backbone, Tunable, Variant, WeightsSource};
 use crate::config::spec::{Experiment, PanoramaSource};
 use crate::dataset::{self, Dataset, Subset, View};
@@ -49,6 +49,8 @@ pub(super) struct Stages<'a> {
     cache: Cache,
     events: &'a Events,
     rates: Mutex<Rates>,
+    /// Hashes that artefacts must have, by stage.
+    recorded: BTreeMap<String, String>,
     pub progress: &'a dyn Progress,
     /// Set by a worker that failed, so that the others end at their next step.
     stopped: AtomicBool,
@@ -68,9 +70,15 @@ impl<'a> Stages<'a> {
             cache: Cache::new(&options.cache),
             events,
             rates,
+            recorded: BTreeMap::new(),
             progress,
             stopped: AtomicBool::new(false),
         }
+    }
+
+    /// From now on, an artefact with another hash than `recorded` has for its stage is an error.
+    pub(super) fn hold_to(&mut self, recorded: &BTreeMap<String, String>) {
+        self.recorded = recorded.clone();
     }
 
     /// Has all workers stop at their next step.
@@ -116,6 +124,10 @@ impl<'a> Stages<'a> {
         let fields =
             json!({ "stage": stage, "version": version, "key": key, "hash": artefact.hash(), "cached": cached });
         self.events.tell("stage_artefact", &fields)?;
+        if let Some(recorded) = self.recorded.get(stage).filter(|hash| **hash != artefact.hash().to_string()) {
+            let (recorded, now) = (recorded.clone(), artefact.hash().to_string());
+            return Err(Error::Differs(Box::new(RunDifference::Artefact { stage: stage.to_owned(), recorded, now })));
+        }
         Ok(artefact)
     }
 

@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use super::networks::{Settings, TrainedNetwork, Training};
 use super::stages::{Epochs, Stages};
+use super::trainings::Which;
 use super::{Error, Options};
 use crate::config::spec::{Experiment, NetworkSpec, TrainSpec};
 use crate::rng::derive_seed;
@@ -14,7 +15,7 @@ use crate::search::{self, Next, Outcome, Param, Rules, SharedStudy, Space, Ticke
 use crate::store::{self, RunFolder};
 use crate::tables::artefacts::{ImportanceRow, ParamValue, TrialArtefact};
 use crate::tables::{write_importance, write_trial};
-use crate::train::{self, EpochRecord, Observer, Stopped, Trained, Verdict};
+use crate::train::{self, EpochRecord, Observer, Steps, Stopped, Trained, Verdict};
 
 /// The study's database, in the run's folder.
 pub(super) const DATABASE: &str = "study.db";
@@ -69,7 +70,7 @@ pub(super) fn search(
     stages.progress.end();
     result?;
     for number in 0..spec.search.trials {
-        store::remove_dir(&folder(run.path(), number).join("checkpoint"))?;
+        store::remove_dir(&Which::Trial(number).checkpoint(run.path()))?;
     }
     office.finish()
 }
@@ -161,12 +162,14 @@ impl Office<'_> {
     fn train(&self, ticket: &Ticket) -> Result<(), Error> {
         let number = ticket.number;
         let (network, train) = self.settings(&ticket.params)?;
-        let checkpoint = folder(self.run, number).join("checkpoint");
+        let which = Which::Trial(number);
+        let (checkpoint, chain) = (which.checkpoint(self.run), which.chain(self.run));
         let settings = Settings {
             network: &network,
             train: &train,
-            seed: derive_seed(self.spec.seed, "trial", &[number.into()]),
-            checkpoint: &checkpoint,
+            seed: which.seed(self.spec.seed),
+            checkpoint: Some(&checkpoint),
+            steps: Steps::To(&chain),
         };
         let epochs = Epochs::new(self.stages, train.epochs);
         let mut judge = Judge { office: self, number, error: None };
@@ -244,7 +247,8 @@ fn importance_row(i: search::Importance) -> ImportanceRow {
     ImportanceRow { name: i.name, value: i.value, low: i.low, high: i.high }
 }
 
-fn artefact(run: &Path, number: u32) -> Result<TrialArtefact, Error> {
+/// What the run in `run` keeps of a trial, without its curve.
+pub(super) fn artefact(run: &Path, number: u32) -> Result<TrialArtefact, Error> {
     let path = folder(run, number).join("params.json");
     serde_json::from_slice(&store::read(&path)?).map_err(|e| Error::Damaged { path, reason: e.to_string() })
 }

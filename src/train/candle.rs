@@ -60,11 +60,7 @@ impl Engine for CandleHead<'_> {
             given: (part.given() > 0).then_some(&self.targets),
         })?;
         let x = self.batch.narrow(0, 0, rows.len())?;
-        let mut masks = |layer, n, dropped| {
-            let mut mask = vec![0.0; n];
-            draws::dropout_mask(part.seed(self.job.seed), place, layer, dropped, &mut mask);
-            mask
-        };
+        let mut masks = |layer, n, dropped| draws::dropout_mask(part.seed(self.job.seed), place, layer, n, dropped);
         let targets = rows.iter().flat_map(|row| &self.targets[*row as usize][part.outputs()]).copied().collect();
         let outputs = self.head.forward(&x, &mut masks)?;
         let loss = outputs.apply_op1(LossOp { loss: self.job.train.loss, targets, share })?;

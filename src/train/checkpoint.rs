@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::EpochRecord;
+use super::chain::ChainPosition;
 use crate::store::{self, AtomicFile, Hash, Hasher, hash_bytes};
 
 const FORMAT: u32 = 2;
@@ -34,6 +35,8 @@ pub(super) struct Position {
 pub(super) struct Snapshot<'a> {
     pub position: Position,
     pub curve: Cow<'a, [EpochRecord]>,
+    /// How far the chain of steps was written, if there is one.
+    pub chain: Option<ChainPosition>,
     /// Steps that the optimiser has taken.
     pub steps: u64,
     pub parameters: Cow<'a, [f32]>,
@@ -56,6 +59,7 @@ struct Header {
     job: Hash,
     position: Position,
     curve: Vec<EpochRecord>,
+    chain: Option<ChainPosition>,
     steps: u64,
     lengths: [usize; 6],
 }
@@ -110,6 +114,7 @@ impl Snapshot<'_> {
             job: job.clone(),
             position: self.position,
             curve: self.curve.to_vec(),
+            chain: self.chain.clone(),
             steps: self.steps,
             lengths: self.parts().map(<[f32]>::len),
         }
@@ -155,6 +160,7 @@ fn decode(bytes: &[u8], job: &Hash) -> Option<Snapshot<'static>> {
     Some(Snapshot {
         position: header.position,
         curve: Cow::Owned(header.curve),
+        chain: header.chain,
         steps: header.steps,
         parameters,
         state,
@@ -181,6 +187,7 @@ mod tests {
         Snapshot {
             position: Position { epoch: 1, step: 7, loss_sum: 0.1 + 0.7 },
             curve: vec![record].into(),
+            chain: serde_json::from_value(serde_json::json!({"bytes": 123, "link": "0123456789abcdef"})).unwrap(),
             steps: 27,
             parameters: vec![1.0, -0.0, f32::MIN_POSITIVE / 4.0].into(),
             state: vec![0.7].into(),

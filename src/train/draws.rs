@@ -20,11 +20,18 @@ pub(super) fn epoch_rows(data: &TrainingData, strength: f64, seed: u64, epoch: u
     rows
 }
 
+/// [`fill_dropout_mask`] for `n` activations.
+pub(super) fn dropout_mask(seed: u64, place: Place, layer: usize, n: usize, share: f64) -> Vec<f32> {
+    let mut mask = vec![0.0; n];
+    fill_dropout_mask(seed, place, layer, share, &mut mask);
+    mask
+}
+
 /// Draws the dropout mask for the activations of hidden layer `layer`: 0 with probability `share`, else
 /// 1/(1 − `share`).
 ///
 /// Half a word decides on an activation, so `share` is rounded to a multiple of 2⁻¹⁶ in the drawing.
-pub(super) fn dropout_mask(seed: u64, place: Place, layer: usize, share: f64, mask: &mut [f32]) {
+pub(super) fn fill_dropout_mask(seed: u64, place: Place, layer: usize, share: f64, mask: &mut [f32]) {
     const HALVES: usize = 512;
     let threshold = ((1.0 - share) * 65_536.0).round() as u32;
     let factor = (1.0 / (1.0 - share)) as f32;
@@ -79,11 +86,7 @@ mod tests {
 
     #[test]
     fn a_mask_drops_its_share_and_keeps_the_mean() {
-        let draw = |step, part, layer, n, share| {
-            let mut mask = vec![0.0; n];
-            dropout_mask(3, Place { epoch: 1, step, part }, layer, share, &mut mask);
-            mask
-        };
+        let draw = |step, part, layer, n, share| dropout_mask(3, Place { epoch: 1, step, part }, layer, n, share);
         for share in [0.05, 0.5, 0.95] {
             let mask = draw(2, 0, 0, 200_001, share);
             let dropped = mask.iter().filter(|m| **m == 0.0).count() as f64 / mask.len() as f64;

@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+use super::chain::{Recorder, Steps};
 use super::checkpoint::{Position, Snapshot};
 use super::engine::{Engine, Place, parameters, set_parameters};
 use super::optimizer::State;
@@ -27,6 +28,8 @@ pub(crate) struct Plan<'a> {
     pub train: &'a TrainSpec,
     /// Folder of this training's own in which its state is kept while it runs; the caller removes it afterwards.
     pub checkpoint: Option<&'a Path>,
+    /// Where its steps are recorded, or what they are compared with.
+    pub steps: Steps<'a>,
 }
 
 /// What becomes of a training after an epoch.
@@ -63,6 +66,17 @@ pub enum Stopped {
     Early,
     /// The observer ended it.
     Pruned,
+}
+
+impl Stopped {
+    /// The name that a chain of steps knows it by.
+    fn name(self) -> &'static str {
+        match self {
+            Stopped::AllEpochs => "all_epochs",
+            Stopped::Early => "early",
+            Stopped::Pruned => "pruned",
+        }
+    }
 }
 
 /// A training that came to its end.
@@ -103,7 +117,8 @@ pub(crate) fn fit_engine(
     progress.advance(u64::from(run.position.epoch));
     let stopped = run.epochs(observer, progress);
     progress.end();
-    run.finish(stopped?)
+    let stopped = run.end(stopped)?;
+    run.finish(stopped)
 }
 
 /// A training under way.
@@ -118,6 +133,7 @@ struct Run<'a> {
     /// Coded labels of all validation rows, `[n × 2]`.
     validation_targets: Vec<f32>,
     saver: Option<Saver<'a>>,
+    recorder: Recorder<'a>,
 }
 
 impl<'a> Run<'a> {
@@ -126,17 +142,28 @@ impl<'a> Run<'a> {
         let saver = plan.checkpoint.map(|folder| Saver::new(folder, plan.train, engine)).transpose()?;
         let coding = engine.coding();
         let targets = engine.validation_labels().iter().flat_map(|label| coding.encode(label.0, label.1));
+        let validation_targets = targets.collect();
+        let saved = saver.as_ref().map(Saver::load).transpose()?.flatten();
+        let goes_on = match &saved {
+            Some(snapshot) => Recorder::resume(plan.steps, snapshot.chain.as_ref())?,
+            None => None,
+        };
+        let snapshot = saved.filter(|_| goes_on.is_some());
         let mut run = Self {
             train: plan.train,
-            validation_targets: targets.collect(),
+            validation_targets,
             engine,
             optimizer,
             position: Position::default(),
             curve: Vec::new(),
             best: Default::default(),
             saver,
+            recorder: match goes_on {
+                Some(recorder) => recorder,
+                None => Recorder::begin(plan.steps)?,
+            },
         };
-        if let Some(snapshot) = run.saver.as_ref().map(Saver::load).transpose()?.flatten() {
+        if let Some(snapshot) = snapshot {
             run.restore(snapshot)?;
         }
         Ok(run)
@@ -186,6 +213,7 @@ impl<'a> Run<'a> {
             Err(Error::Interrupted) => return self.interrupted(),
             other => other?,
         };
+        self.recorder.epoch(epoch, self.engine, &self.optimizer, record.validation_loss)?;
         if early::best(&self.curve).is_none_or(|best| record.objective < best.objective) {
             parameters(self.engine, &mut self.best.0)?;
             self.best.1 = self.engine.state();
@@ -200,6 +228,7 @@ impl<'a> Run<'a> {
     fn step(&mut self, rows: &[u32], share: f64) -> Result<f64, Error> {
         let Position { epoch, step, .. } = self.position;
         let loss = self.gradients(rows)?;
+        self.recorder.step(Place { epoch, step, part: 0 }, rows, loss)?;
         let factor = schedule::factor(self.train, share, &self.curve);
         if !loss.is_finite() || !self.optimizer.step(self.engine, factor)? {
             return Err(Error::Diverged { epoch, step });
@@ -238,6 +267,19 @@ impl<'a> Run<'a> {
         Ok(EpochRecord { epoch, train_loss, validation_loss, mae_f, mae_xi, objective })
     }
 
+    /// Records how the training ended, if it did.
+    fn end(&mut self, stopped: Result<Stopped, Error>) -> Result<Stopped, Error> {
+        let Position { epoch, step, .. } = self.position;
+        let place = Place { epoch, step, part: 0 };
+        match &stopped {
+            Ok(stopped) => self.recorder.end(place, stopped.name())?,
+            Err(Error::Diverged { .. }) => self.recorder.end(place, "diverged")?,
+            Err(_) => return stopped,
+        }
+        self.recorder.save()?;
+        stopped
+    }
+
     /// Saves the state if there is a place for it.
     fn interrupted<T>(&mut self) -> Result<T, Error> {
         self.save()?;
@@ -250,11 +292,14 @@ impl<'a> Run<'a> {
 
     fn save(&mut self) -> Result<(), Error> {
         let Some(saver) = &mut self.saver else { return Ok(()) };
+        // first: a saved state must never be ahead of the chain
+        let chain = self.recorder.save()?;
         let state = self.engine.state();
         parameters(self.engine, &mut saver.parameters)?;
         saver.save(|parameters| Snapshot {
             position: self.position,
             curve: Cow::Borrowed(&self.curve),
+            chain,
             steps: self.optimizer.steps,
             parameters: Cow::Borrowed(parameters),
             state: Cow::Owned(state),

@@ -14,6 +14,7 @@ use crate::pipeline::progress::Silent;
 use crate::train::TrainingData;
 use crate::train::data::tests::{toy, toy_parts};
 use crate::train::head::{Fitted, Job, fit};
+use crate::train::{Chain, Exactness, What};
 
 /// Interrupts at the n-th question.
 struct After(AtomicU32);
@@ -74,8 +75,18 @@ fn go_on(_: &EpochRecord) -> Verdict {
 }
 
 fn run(network: &NetworkSpec, train: &TrainSpec, data: &TrainingData, seed: u64) -> Result<Fitted, Error> {
-    let job = Job { network, train, coding: &coding(), data, seed, checkpoint: None };
+    let job = Job { network, train, coding: &coding(), data, seed, checkpoint: None, steps: Steps::Off };
     fit(&job, &mut go_on, &Silent)
+}
+
+/// What a training without interruption records.
+fn chain(network: &NetworkSpec, train: &TrainSpec, data: &TrainingData) -> Vec<u8> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("steps.chain");
+    let steps = Steps::To(&path);
+    let job = Job { network, train, coding: &coding(), data, seed: 1, checkpoint: None, steps };
+    let _ = fit(&job, &mut go_on, &Silent);
+    store::read(&path).unwrap()
 }
 
 fn bits(fitted: &Fitted) -> Vec<u64> {
@@ -161,10 +172,13 @@ fn resumed_trainings_end_with_the_bits_of_an_uninterrupted_one() {
     for optimizer in [Optimizer::Adam, Optimizer::Sgd] {
         let train = TrainSpec { optimizer, ..train(6) };
         let whole = bits(&run(&network, &train, &data, 1).unwrap());
+        let whole_chain = chain(&network, &train, &data);
         for interval in [1, 2, 5, 13] {
             let folder = tempfile::tempdir().unwrap();
-            let checkpoint = Some(folder.path());
-            let job = Job { network: &network, train: &train, coding: &coding, data: &data, seed: 1, checkpoint };
+            let (checkpoint, chain) = (Some(folder.path()), folder.path().join("cut.chain"));
+            let steps = Steps::To(&chain);
+            let job =
+                Job { network: &network, train: &train, coding: &coding, data: &data, seed: 1, checkpoint, steps };
             let mut told = Vec::new();
             let mut observer = |r: &EpochRecord| {
                 told.push(r.epoch);
@@ -181,8 +195,81 @@ fn resumed_trainings_end_with_the_bits_of_an_uninterrupted_one() {
             };
             assert!(interruptions > 0 && bits(&fitted) == whole, "every {interval} steps");
             assert_eq!(told, [0, 1, 2, 3, 4, 5]);
+            assert_eq!(store::read(&chain).unwrap(), whole_chain);
         }
     }
+}
+
+/// After a kill there may be lines after the saved state, or none of those that it counts on.
+#[test]
+fn a_chain_goes_on_from_the_saved_state_whatever_stands_after_it() {
+    let data = toy(40, 1, 6);
+    let (network, train, coding) = (network(0.2), train(4), coding());
+    let whole = chain(&network, &train, &data);
+    type Change = fn(&mut Vec<u8>);
+    let changes: [Change; 4] = [|_| {}, |b| b.extend(b"step 2 0 rows"), |b| b.truncate(100), |b| b[90] ^= 1];
+    for change in changes {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("steps.chain");
+        let (checkpoint, steps) = (Some(folder.path()), Steps::To(&path));
+        let job = Job { network: &network, train: &train, coding: &coding, data: &data, seed: 1, checkpoint, steps };
+        fit(&job, &mut go_on, &After(AtomicU32::new(5))).unwrap_err();
+        let mut bytes = store::read(&path).unwrap();
+        assert!(whole.starts_with(&bytes) && bytes.len() > 100);
+        change(&mut bytes);
+        store::write(&path, &bytes).unwrap();
+        fit(&job, &mut go_on, &Silent).unwrap();
+        assert_eq!(store::read(&path).unwrap(), whole);
+    }
+}
+
+#[test]
+fn a_training_is_held_to_a_recorded_one() {
+    let data = toy(40, 1, 6);
+    let (network, train, coding) = (network(0.2), train(4), coding());
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("steps.chain");
+    store::write(&path, &chain(&network, &train, &data)).unwrap();
+    let recorded = Chain::read(&path).unwrap();
+    assert_eq!((recorded.epochs(), recorded.end(), recorded.broken_link()), (4, Some("all_epochs"), None));
+    let steps = Steps::Against(&recorded, Exactness::Bitwise);
+    let against = |train: &TrainSpec, data: &TrainingData| {
+        let job = Job { network: &network, train, coding: &coding, data, seed: 1, checkpoint: None, steps };
+        match fit(&job, &mut go_on, &Silent) {
+            Ok(_) => None,
+            Err(Error::Differs(difference)) => Some((difference.epoch, difference.step, difference.what)),
+            Err(other) => panic!("{other}"),
+        }
+    };
+    assert_eq!(against(&train, &data), None);
+    let candle = TrainSpec { engine: EngineKind::Candle, ..train.clone() };
+    assert_eq!(against(&candle, &data), None);
+    let faster = TrainSpec { learning_rate: 0.004, ..train.clone() };
+    assert_eq!(against(&faster, &data), Some((0, Some(1), What::Loss)));
+    let longer = TrainSpec { epochs: 5, ..train.clone() };
+    assert_eq!(against(&longer, &data), Some((4, Some(0), What::End)));
+    let shorter = TrainSpec { epochs: 3, ..train.clone() };
+    assert_eq!(against(&shorter, &data), Some((3, Some(0), What::End)));
+    let decayed = TrainSpec { weight_decay: 0.1, ..train.clone() };
+    assert_eq!(against(&decayed, &data), Some((0, Some(1), What::Loss)));
+    assert_eq!(against(&train, &toy(41, 1, 6)), Some((0, Some(0), What::Rows)));
+}
+
+#[test]
+fn a_training_that_diverged_can_be_held_to_its_record() {
+    let data = toy(40, 1, 4);
+    let train = TrainSpec { optimizer: Optimizer::Sgd, learning_rate: 10.0, loss: Loss::Mse, ..train(500) };
+    let mut network = network(0.0);
+    network.layers.iter_mut().for_each(|l| l.activation = Activation::Relu);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("steps.chain");
+    store::write(&path, &chain(&network, &train, &data)).unwrap();
+    let recorded = Chain::read(&path).unwrap();
+    assert_eq!(recorded.end(), Some("diverged"));
+    let steps = Steps::Against(&recorded, Exactness::Bitwise);
+    let job =
+        Job { network: &network, train: &train, coding: &coding(), data: &data, seed: 1, checkpoint: None, steps };
+    assert!(matches!(fit(&job, &mut go_on, &Silent), Err(Error::Diverged { .. })));
 }
 
 #[test]
@@ -192,7 +279,7 @@ fn a_truncated_or_foreign_state_is_not_resumed() {
     let folder = tempfile::tempdir().unwrap();
     let job = |seed| {
         let checkpoint = Some(folder.path());
-        Job { network: &network, train: &train, coding: &coding, data: &data, seed, checkpoint }
+        Job { network: &network, train: &train, coding: &coding, data: &data, seed, checkpoint, steps: Steps::Off }
     };
     let whole = bits(&run(&network, &train, &data, 2).unwrap());
     let interrupt = |seed| fit(&job(seed), &mut go_on, &After(AtomicU32::new(5))).unwrap_err();
@@ -222,7 +309,8 @@ fn a_resumed_observer_is_told_what_was_before() {
     let (network, train, coding) = (network(0.0), train(4), coding());
     let folder = tempfile::tempdir().unwrap();
     let checkpoint = Some(folder.path());
-    let job = Job { network: &network, train: &train, coding: &coding, data: &data, seed: 1, checkpoint };
+    let job =
+        Job { network: &network, train: &train, coding: &coding, data: &data, seed: 1, checkpoint, steps: Steps::Off };
     // two steps an epoch: the sixth question is asked in the middle of epoch 2
     fit(&job, &mut Told(0), &After(AtomicU32::new(6))).unwrap_err();
     let mut second = Told(0);
@@ -240,7 +328,15 @@ fn patience_ends_a_training_and_an_observer_can_too() {
 
     let mut prune = |r: &EpochRecord| if r.epoch == 1 { Verdict::Prune } else { Verdict::Continue };
     let network = network(0.0);
-    let job = Job { network: &network, train: &train, coding: &coding(), data: &data, seed: 1, checkpoint: None };
+    let job = Job {
+        network: &network,
+        train: &train,
+        coding: &coding(),
+        data: &data,
+        seed: 1,
+        checkpoint: None,
+        steps: Steps::Off,
+    };
     let fitted = fit(&job, &mut prune, &Silent).unwrap();
     assert_eq!((fitted.stopped, fitted.curve.len()), (Stopped::Pruned, 2));
 }
@@ -306,8 +402,15 @@ fn speed() {
             network.layers = vec![LayerSpec { units, activation, dropout }; layers];
             let train = TrainSpec { batch_size, ..train(4) };
             let mut times = vec![Instant::now()];
-            let job =
-                Job { network: &network, train: &train, coding: &coding(), data: &data, seed: 1, checkpoint: None };
+            let job = Job {
+                network: &network,
+                train: &train,
+                coding: &coding(),
+                data: &data,
+                seed: 1,
+                checkpoint: None,
+                steps: Steps::Off,
+            };
             let mut observer = |_: &EpochRecord| {
                 times.push(Instant::now());
                 Verdict::Continue

@@ -102,7 +102,7 @@ impl Layer {
         }
         self.mask.resize(self.activations.len());
         self.dropped.resize(self.activations.len());
-        draws::dropout_mask(seed, place, layer, self.dropout, &mut self.mask);
+        draws::fill_dropout_mask(seed, place, layer, self.dropout, &mut self.mask);
         self.dropped.copy_from_slice(&self.activations);
         times(isa(), &mut self.dropped, &self.mask);
     }

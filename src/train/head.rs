@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::candle::CandleHead;
+use super::chain::Steps;
 use super::engine::Engine;
 use super::fit::{Observer, Plan, Stopped, Trained, fit_engine};
 use super::fused::FusedHead;
@@ -28,6 +29,8 @@ pub struct Job<'a> {
     pub seed: u64,
     /// Folder of this training's own in which its state is kept while it runs; the caller removes it afterwards.
     pub checkpoint: Option<&'a Path>,
+    /// Where its steps are recorded, or what they are compared with.
+    pub steps: Steps<'a>,
 }
 
 impl Job<'_> {
@@ -65,7 +68,7 @@ pub struct Fitted {
 ///
 /// # Errors
 /// [`Error::Diverged`] if loss or parameters leave the finite numbers, [`Error::Interrupted`] after the
-/// state is saved, and those of network and disk.
+/// state is saved, [`Error::Differs`] at the first difference from a recorded training, and those of network and disk.
 pub fn fit(job: &Job, observer: &mut dyn Observer, progress: &dyn Progress) -> Result<Fitted, Error> {
     match job.train.engine {
         EngineKind::Fused => fit_parts(job, |part| FusedHead::new(job, part), FusedHead::into_head, observer, progress),
@@ -85,7 +88,7 @@ fn fit_parts<E: Engine>(
     progress: &dyn Progress,
 ) -> Result<Fitted, Error> {
     let mut parts = Parts::new(job.network.kind, make)?;
-    let plan = Plan { train: job.train, checkpoint: job.checkpoint };
+    let plan = Plan { train: job.train, checkpoint: job.checkpoint, steps: job.steps };
     let Trained { curve, best_epoch, best_objective, stopped } = fit_engine(&plan, &mut parts, observer, progress)?;
     let heads = parts.into_engines().into_iter().map(finish).collect::<Result<_, _>>()?;
     Ok(Fitted { curve, best_epoch, best_objective, stopped, network: Estimator::of(heads) })

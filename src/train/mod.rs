@@ -1,10 +1,11 @@
-//! Training of one network: loop, optimisers, dropout, early stopping, checkpoint.
+//! Training of one network: loop, optimisers, schedules, dropout, early stopping, checkpoint.
 //!
 //! The [loop](self::fit) decides when what happens, an [`Engine`](engine::Engine) computes. [`fit()`] trains a head on
 //! the rows of a [`TrainingData`], which all trials share. It runs on the calling thread only; trials run beside each
 //! other. Whether a training runs through or is interrupted and resumed, its result has the same bits.
 
 mod candle;
+mod chain;
 mod checkpoint;
 mod data;
 mod draws;
@@ -18,6 +19,7 @@ mod parts;
 mod schedule;
 mod tuning;
 
+pub use chain::{Chain, Difference, Exactness, Steps, What};
 pub use data::TrainingData;
 pub use fit::{Observer, Stopped, Trained, Verdict};
 pub use head::{Fitted, Job, fit};
@@ -69,6 +71,9 @@ pub enum Error {
         /// Step within the epoch, from 0.
         step: u32,
     },
+    /// It is not the training that it is compared with.
+    #[error("the training differs from the recorded one: {0}")]
+    Differs(Box<Difference>),
     /// The user stopped it; the state is saved if there is a place for it.
     #[error("training was interrupted")]
     Interrupted,
@@ -161,6 +166,7 @@ impl Classify for Error {
     fn class(&self) -> Class {
         match self {
             Error::Interrupted => Class::Interrupted,
+            Error::Differs(_) => Class::Different,
             Error::Empty { .. } => Class::Input,
             Error::Backbone(e) => e.class(),
             Error::Model { .. } => Class::Input,

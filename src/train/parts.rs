@@ -55,7 +55,13 @@ impl<E: Engine> Engine for Parts<E> {
     }
 
     fn tensors(&mut self, visit: &mut dyn FnMut(TensorMut<'_>)) -> Result<(), Error> {
-        self.engines.iter_mut().try_for_each(|engine| engine.tensors(visit))
+        if let [one] = &mut self.engines[..] {
+            return one.tensors(visit);
+        }
+        // the networks' tensors are called alike
+        self.engines.iter_mut().enumerate().try_for_each(|(i, engine)| {
+            engine.tensors(&mut |tensor| visit(TensorMut { name: &format!("{i}/{}", tensor.name), ..tensor }))
+        })
     }
 
     fn updates(&mut self, visit: &mut dyn FnMut(TensorMut<'_>)) -> Result<(), Error> {

@@ -12,7 +12,7 @@ use panotune::features::FeatureRow;
 use panotune::network::{Coding, Scale};
 use panotune::pipeline::progress::Silent;
 use panotune::rng::stream;
-use panotune::train::{EpochRecord, Job, TrainingData, Verdict, fit};
+use panotune::train::{EpochRecord, Job, Steps, TrainingData, Verdict, fit};
 
 fn main() {
     let mut options: BTreeMap<String, String> = BTreeMap::new();
@@ -54,7 +54,7 @@ fn main() {
 fn epochs(network: &NetworkSpec, train: &TrainSpec, data: &TrainingData, seed: u64) -> f64 {
     let range = |low, high| SamplingSpec { low, high, step: None };
     let coding = Coding::new(LabelCoding::Raw, &range(50.0, 500.0), &range(0.0, 1.2));
-    let job = Job { network, train, coding: &coding, data, seed, checkpoint: None };
+    let job = Job { network, train, coding: &coding, data, seed, checkpoint: None, steps: Steps::Off };
     let mut times = vec![Instant::now()];
     let mut observer = |_: &EpochRecord| {
         times.push(Instant::now());

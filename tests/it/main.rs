@@ -15,3 +15,4 @@ mod study_commands;
 mod shared_study;
 mod support;
 mod tuning;
+mod verify;

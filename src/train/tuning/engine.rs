@@ -122,11 +122,7 @@ impl Engine for TuningEngine<'_> {
             let given: Vec<f32> = labels.iter().map(|label| label[0]).collect();
             x = Tensor::cat(&[&x, &Tensor::from_vec(given, (labels.len(), 1), &Device::Cpu)?], 1)?;
         }
-        let mut masks = |layer, n, dropped| {
-            let mut mask = vec![0.0; n];
-            draws::dropout_mask(part.seed(job.seed), place, layer, dropped, &mut mask);
-            mask
-        };
+        let mut masks = |layer, n, dropped| draws::dropout_mask(part.seed(job.seed), place, layer, n, dropped);
         let outputs = self.head.forward(&x, &mut masks)?;
         let loss = outputs.apply_op1(LossOp { loss: job.train.loss, targets, share })?;
         let value = loss.to_scalar::<f64>()?;

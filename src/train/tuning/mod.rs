@@ -15,6 +15,7 @@ pub use steps::TuningSteps;
 use std::path::Path;
 
 use super::Error;
+use super::chain::Steps;
 use super::fit::{Observer, Plan, Trained, fit_engine};
 use super::parts::Parts;
 use crate::backbone::WeightsSource;
@@ -42,6 +43,8 @@ pub struct TuningJob<'a> {
     pub seed: u64,
     /// Folder of this training's own in which its state is kept while it runs; the caller removes it afterwards.
     pub checkpoint: Option<&'a Path>,
+    /// Where its steps are recorded, or what they are compared with.
+    pub steps: Steps<'a>,
 }
 
 /// Trained backbones with their heads.
@@ -58,7 +61,7 @@ pub struct Tuning {
 /// Those of [`fit`](super::fit), and of the weights.
 pub fn tune(job: &TuningJob, observer: &mut dyn Observer, progress: &dyn Progress) -> Result<Tuning, Error> {
     let mut parts = Parts::new(job.network.kind, |part| TuningEngine::new(job, part, progress))?;
-    let plan = Plan { train: job.train, checkpoint: job.checkpoint };
+    let plan = Plan { train: job.train, checkpoint: job.checkpoint, steps: job.steps };
     let trained = fit_engine(&plan, &mut parts, observer, progress)?;
     let parts = parts.into_engines().into_iter().map(TuningEngine::into_part).collect::<Result<Vec<_>, _>>()?;
     let (backbones, heads) = parts.into_iter().unzip();

@@ -30,7 +30,8 @@ impl<'a> TuningSteps<'a> {
         Ok(Self { engine, optimizer, batch_size: job.train.batch_size as usize, rows, place })
     }
 
-    /// Forward, backward and optimiser on the next batch, which is always a whole one; its mean loss before the step.
+    /// Forward, backward and optimiser on the next batch, which is always a whole one, with the learning rate as it is
+    /// given; its mean loss before the step.
     ///
     /// # Errors
     /// [`Error::Diverged`] if loss or parameters leave the finite numbers.

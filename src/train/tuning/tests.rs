@@ -98,6 +98,7 @@ impl Case {
             data: &data,
             seed: 8,
             checkpoint,
+            steps: Steps::Off,
         };
         tune(&job, observer, progress)
     }
