@@ -1,5 +1,7 @@
 //! Which pixels a window covers and, the other way round, which windows cover a pixel.
 
+use std::ops::Range;
+
 use crate::kernel::map::{Shape, View, ViewMut, Window};
 
 /// One axis of a window that slides over an image.
@@ -22,6 +24,13 @@ impl Axis {
             Axis { taps: height, stride, pad: pad.top, outputs: out.height },
             Axis { taps: width, stride, pad: pad.left, outputs: out.width },
         )
+    }
+
+    /// The inputs under the window at a place, for an image of `size` pixels.
+    pub fn inside(self, place: usize, size: usize) -> Range<usize> {
+        let first = place * self.stride;
+        let end = (first + self.taps).saturating_sub(self.pad).min(size);
+        first.saturating_sub(self.pad).min(end)..end
     }
 
     /// The places from which the window covers input `i`, in order, each with the tap that does.
@@ -102,12 +111,6 @@ impl<'a> Windows<'a> {
             origin: (-(window.pad.top as isize), -(window.pad.left as isize)),
             grid: (out.height, out.width),
         }
-    }
-
-    /// [`forward`](Self::forward), each column of a window a run of its own.
-    pub fn separate(x: View<'a>, window: Window, out: Shape) -> Self {
-        let size = (window.height, window.width);
-        Self { size, len: x.shape.channels, ..Self::forward(x, window, out) }
     }
 
     /// The windows of `dy` that the pixels of a phase have a part in.
