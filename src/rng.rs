@@ -75,6 +75,11 @@ impl Stream {
         self.words.next_u64()
     }
 
+    /// As many words as fill `bytes`, each with its lowest byte first.
+    pub fn fill(&mut self, bytes: &mut [u8]) {
+        self.words.fill_bytes(bytes);
+    }
+
     /// Uniform in [0, 1), a multiple of 2⁻⁵³.
     pub fn uniform(&mut self) -> f64 {
         (self.word64() >> 11) as f64 * (1.0 / (1u64 << 53) as f64)
@@ -148,6 +153,17 @@ mod tests {
         first.sort_unstable();
         first.dedup();
         assert_eq!(first.len(), keys.len());
+    }
+
+    #[test]
+    fn bytes_are_those_of_the_words() {
+        let (mut words, mut bytes) = (stream(1, "test", &[], "bytes"), stream(1, "test", &[], "bytes"));
+        for n in [1, 63, 64, 65, 300] {
+            let mut filled = vec![0; 4 * n];
+            bytes.fill(&mut filled);
+            let expected: Vec<u8> = (0..n).flat_map(|_| words.word().to_le_bytes()).collect();
+            assert_eq!(filled, expected);
+        }
     }
 
     #[test]

@@ -178,6 +178,18 @@ impl Graph {
         (buffer_of.into_iter().map(Option::unwrap_or_default).collect(), sizes)
     }
 
+    /// Multiplications, each with an addition, of all layers for one image.
+    pub(super) fn multiply_adds(&self) -> u64 {
+        let of_step = |step: &Step| match step.action {
+            Action::Layer(layer) => {
+                let MapShape { height, width, .. } = self.maps[step.output];
+                (height * width * self.layers[layer].shape().iter().product::<usize>()) as u64
+            }
+            Action::MaxPool(_) | Action::AveragePool(_) => 0,
+        };
+        self.steps.iter().map(of_step).sum()
+    }
+
     /// Floats of a map of one image.
     pub(super) fn map_len(&self, map: Map) -> usize {
         let MapShape { height, width, channels } = self.maps[map];

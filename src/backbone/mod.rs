@@ -201,6 +201,11 @@ impl Backbone {
         self.network.graph.layers.iter().map(Layer::parameters).sum()
     }
 
+    /// Multiplications, each with an addition, that one image takes up to the last tap; pools and means are not counted.
+    pub fn multiply_adds(&self) -> u64 {
+        self.network.graph.multiply_adds()
+    }
+
     /// Whether the weights were drawn, so that the features are random.
     pub fn is_seeded(&self) -> bool {
         self.seed.is_some()

@@ -225,28 +225,16 @@ fn the_programs_descriptions_are_read() {
     }
 }
 
-/// Prints seconds for a batch of 16; run with `--ignored --nocapture` on a quiet machine.
+/// Figures of the papers and of torchvision, without the classifiers.
 #[test]
-#[ignore = "a measurement"]
-fn speed() {
-    let pool = |n| rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap();
-    for (architecture, side, tap) in [
-        (Architecture::InceptionV3, 299, "mixed_7c"),
-        (Architecture::InceptionV3, 299, "mixed_6b"),
-        (Architecture::Resnet50, 224, "layer4"),
-        (Architecture::MobilenetV1, 224, "block13"),
+fn multiply_adds_are_those_of_the_literature() {
+    for (architecture, side, tap, millions) in [
+        (Architecture::InceptionV3, 299, "mixed_7c", 5711.0),
+        (Architecture::Resnet50, 224, "layer4", 4087.0),
+        (Architecture::MobilenetV1, 224, "block13", 568.0),
     ] {
-        let backbone = Backbone::load(&spec(architecture, side, &[tap], 3), WeightsSource::Seeded { seed: 1 }).unwrap();
-        let images = noise(side as usize, 16);
-        for threads in [1, 2] {
-            let best = (0..4)
-                .map(|_| {
-                    let start = std::time::Instant::now();
-                    pool(threads).install(|| backbone.features(&images, 16));
-                    start.elapsed().as_secs_f64()
-                })
-                .fold(f64::INFINITY, f64::min);
-            println!("{architecture:?} to {tap}, batch 16, {threads} threads: {best:.3} s");
-        }
+        let backbone = Backbone::load(&spec(architecture, side, &[tap], 0), WeightsSource::Seeded { seed: 1 }).unwrap();
+        let counted = backbone.multiply_adds() as f64 / 1e6;
+        assert!((counted / millions - 1.0).abs() < 2e-3, "{architecture:?}: {counted}");
     }
 }

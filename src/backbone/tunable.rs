@@ -189,15 +189,15 @@ impl Tunable {
         &self.trunk.running
     }
 
-    /// The trained tensors, in the order of the parameters.
-    pub(crate) fn tensors(&self) -> Vec<TunedTensor> {
+    /// The trained tensors, in the order of the parameters; their names begin with `prefix`.
+    pub(crate) fn tensors(&self, prefix: &str) -> Vec<TunedTensor> {
         let of = |(layer, span): (&super::Layer, &Span)| {
             let tensor =
                 |name: String, range: &Range<usize>, decays| TunedTensor { name, range: range.clone(), decays };
             [
-                tensor(format!("{}.weight", layer.conv), &span.weights, true),
-                tensor(format!("{}.weight", layer.norm), &span.scale, false),
-                tensor(format!("{}.bias", layer.norm), &span.shift, false),
+                tensor(format!("{prefix}{}.weight", layer.conv), &span.weights, true),
+                tensor(format!("{prefix}{}.weight", layer.norm), &span.scale, false),
+                tensor(format!("{prefix}{}.bias", layer.norm), &span.shift, false),
             ]
         };
         self.trunk.graph.layers.iter().zip(&self.trunk.spans).flat_map(of).collect()

@@ -14,6 +14,8 @@ pub(super) const EMBEDDED: &[(&str, &str)] = &[
     ("dataset/nadir.yaml", include_str!("../../configs/dataset/nadir.yaml")),
     ("dataset/wide_angle.yaml", include_str!("../../configs/dataset/wide_angle.yaml")),
     ("evaluation/default.yaml", include_str!("../../configs/evaluation/default.yaml")),
+    ("network/dual_net.yaml", include_str!("../../configs/network/dual_net.yaml")),
+    ("network/seq_net.yaml", include_str!("../../configs/network/seq_net.yaml")),
     ("network/single_net.yaml", include_str!("../../configs/network/single_net.yaml")),
     ("network/single_net_decoupled.yaml", include_str!("../../configs/network/single_net_decoupled.yaml")),
     ("paper/published.yaml", include_str!("../../configs/paper/published.yaml")),

@@ -128,8 +128,11 @@ fn experiment() -> Experiment {
                 "early_stopping_rate": 0, "bootstrap": 0, "p_threshold": 0.1, "startup_epochs": 2},
             "trials": 10, "concurrency": 4, "duplicates": "allow"
         },
-        "train": {"epochs": 150, "batch_size": 64, "loss": "log_cosh", "optimizer": "adam", "learning_rate": 1e-3,
-            "momentum": 0.0, "weight_decay": 0.0, "augmentation_strength": 1.0,
+        "train": {"engine": "fused", "epochs": 150, "batch_size": 64, "accumulate": 1, "loss": "log_cosh",
+            "optimizer": "adam", "learning_rate": 1e-3, "backbone_rate": 0.1,
+            "schedule": {"kind": "constant", "warmup": null, "initial_factor": 0.1, "final_factor": 0.0, "factor": 0.1,
+                "patience": 5},
+            "momentum": 0.0, "weight_decay": 0.0, "clip_norm": 0.0, "augmentation_strength": 1.0,
             "early_stopping": {"patience": 15, "min_delta": 1e-3}},
         "baseline": {"source": "a reconstruction", "layers": [layer], "optimizer": "adam", "learning_rate": 1e-4,
             "momentum": 0.0, "weight_decay": 0.0, "batch_size": 64},

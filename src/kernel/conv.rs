@@ -5,8 +5,9 @@ use super::map::{Reader, View, ViewMut, Window};
 use super::simd::{Isa, isa};
 use super::tile::{Tile, panels, tile_fn, tile_rows};
 
-/// Depth of a block of weights, chosen so that its widest panel and two tiles' inputs stay in the first-level cache.
-const DEPTH: usize = 128;
+/// Depth of a block of weights, chosen so that its widest panel stays in the second-level cache, from where it is read as fast
+/// as it is needed; the deeper, the seldomer sums are put aside.
+const DEPTH: usize = 1024;
 /// Output pixels that share one pass over the weights, a multiple of every tile's rows.
 const PIXELS: usize = 192;
 
@@ -103,13 +104,10 @@ impl Conv {
     fn point(&self, reader: &Reader, first: usize, pixels: usize, table: &mut [*const f32]) {
         let rows = tile_rows(self.isa);
         let runs = reader.runs().0;
-        let mut place = reader.place(first);
-        for p in 0..pixels.next_multiple_of(rows) {
-            let tile = &mut table[p / rows * rows * runs..][..rows * runs];
-            reader.read(place, |run, floats| tile[run * rows + p % rows] = floats.as_ptr());
-            if p + 1 < pixels {
-                reader.advance(&mut place);
-            }
+        let at = |p: usize, run: usize| (p / rows * runs + run) * rows + p % rows;
+        reader.point(first, pixels, |p, run, floats| table[at(p, run)] = floats);
+        for p in pixels..pixels.next_multiple_of(rows) {
+            (0..runs).for_each(|run| table[at(p, run)] = table[at(pixels - 1, run)]);
         }
     }
 }

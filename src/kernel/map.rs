@@ -156,7 +156,7 @@ pub(super) struct Reader<'a> {
 
 /// The window of one output pixel; it moves in the order of pixels.
 #[derive(Clone, Copy)]
-pub(super) struct Place {
+struct Place {
     image: usize,
     row: usize,
     column: usize,
@@ -192,14 +192,14 @@ impl<'a> Reader<'a> {
     }
 
     /// The window of output pixel `p`, counted over all images.
-    pub(super) fn place(&self, p: usize) -> Place {
+    fn place(&self, p: usize) -> Place {
         let (row, column) = (p / self.out.width, p % self.out.width);
         Place { image: row / self.out.height, row: row % self.out.height, column }
     }
 
-    /// Moves to the next pixel.
-    pub(super) fn advance(&self, place: &mut Place) {
-        place.column += 1;
+    /// Moves `pixels` on, not beyond the end of the row.
+    fn advance(&self, place: &mut Place, pixels: usize) {
+        place.column += pixels;
         if place.column == self.out.width {
             (place.column, place.row) = (0, place.row + 1);
             if place.row == self.out.height {
@@ -208,33 +208,75 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// Calls `put(run, floats)` for every run of the window at `place`, and returns the number of runs inside the image.
-    pub(super) fn read(&self, place: Place, mut put: impl FnMut(usize, &'a [f32])) -> usize {
+    /// Calls `put(i, run, floats)` for every run of the windows of `count` output pixels from pixel `first` on, in order;
+    /// `floats` points to as many floats as a run has.
+    pub(super) fn point(&self, first: usize, count: usize, mut put: impl FnMut(usize, usize, *const f32)) {
+        let step = self.window.stride * self.x.stride;
+        let mut place = self.place(first);
+        let mut done = 0;
+        while done < count {
+            let inside = self.inside(place).min(count - done);
+            if inside > 0 {
+                let floats = &self.x.data[self.corner(place)..][..(inside - 1) * step + self.span];
+                for i in 0..inside {
+                    let corner = floats[i * step..].as_ptr();
+                    for (run, (_, _, offset)) in self.runs.iter().enumerate() {
+                        put(done + i, run, corner.wrapping_add(*offset));
+                    }
+                }
+            } else {
+                self.read_edge(place, |run, floats| put(done, run, floats.as_ptr()));
+            }
+            self.advance(&mut place, inside.max(1));
+            done += inside.max(1);
+        }
+    }
+
+    /// How many windows are inside the image, from the one at `place` to the right.
+    fn inside(&self, place: Place) -> usize {
         let Window { height, width, stride, pad } = self.window;
+        let (y, x) = (place.row * stride, place.column * stride);
+        let shape = self.x.shape;
+        if y < pad.top || y + height > shape.height + pad.top || x < pad.left {
+            return 0;
+        }
+        let columns = (shape.width + pad.left).checked_sub(width + x).map_or(0, |room| room / stride + 1);
+        columns.min(self.out.width - place.column)
+    }
+
+    /// Where the window at `place` begins in memory, if that is inside the image.
+    fn corner(&self, place: Place) -> usize {
+        let Window { stride, pad, .. } = self.window;
+        let row = place.image * self.x.shape.height + place.row * stride - pad.top;
+        (row * self.x.shape.width + place.column * stride - pad.left) * self.x.stride
+    }
+
+    /// How many pixels of the window of output pixel `p` are inside the image.
+    pub(super) fn covered(&self, p: usize) -> usize {
+        let Window { height, width, stride, pad } = self.window;
+        let place = self.place(p);
+        let inside = |first: usize, before: usize, window: usize, size: usize| {
+            (first + window).min(size + before).saturating_sub(first.max(before))
+        };
+        inside(place.row * stride, pad.top, height, self.x.shape.height)
+            * inside(place.column * stride, pad.left, width, self.x.shape.width)
+    }
+
+    /// Calls `put(run, floats)` for every run of the window at `place`, which may reach over the edge of the image.
+    fn read_edge(&self, place: Place, mut put: impl FnMut(usize, &'a [f32])) {
+        let Window { stride, pad, .. } = self.window;
         let shape = self.x.shape;
         // first row and column of the window, in an image with its border
         let (y, x) = (place.row * stride, place.column * stride);
-        let first_row = place.image * shape.height;
-        if y >= pad.top && y + height <= shape.height + pad.top && x >= pad.left && x + width <= shape.width + pad.left
-        {
-            let corner = ((first_row + y - pad.top) * shape.width + x - pad.left) * self.x.stride;
-            let floats = &self.x.data[corner..][..self.span];
-            for (i, run) in self.runs.iter().enumerate() {
-                put(i, &floats[run.2..][..self.len]);
-            }
-            return self.runs.len();
-        }
-        let mut inside = 0;
         for (i, (ky, kx, _)) in self.runs.iter().enumerate() {
             let row = (y + ky).checked_sub(pad.top).filter(|row| *row < shape.height);
             let column = (x + kx).checked_sub(pad.left).filter(|column| *column < shape.width);
             if let (Some(row), Some(column)) = (row, column) {
-                inside += 1;
-                put(i, &self.x.data[((first_row + row) * shape.width + column) * self.x.stride..][..self.len]);
+                let pixel = (place.image * shape.height + row) * shape.width + column;
+                put(i, &self.x.data[pixel * self.x.stride..][..self.len]);
             } else {
                 put(i, &self.outside[..self.len]);
             }
         }
-        inside
     }
 }

@@ -6,7 +6,9 @@ mod conv;
 mod dispatch;
 mod map;
 mod matmul;
+mod product;
 mod simd;
+mod slices;
 mod stencil;
 mod tile;
 mod training;
@@ -15,7 +17,10 @@ pub use buffer::Buffer;
 pub use conv::Conv;
 pub use map::{Pad, Shape, View, ViewMut, Window};
 pub use matmul::{Mat, matmul, matmul_with};
+pub use product::{Start, product, product_with, transpose};
 pub use simd::{Isa, IsaError, check_isa, isa};
+pub(crate) use slices::per_isa;
+pub use slices::{add_rows, inverse, inverse_root, sigmoid, sum_of_squares, tanh, times};
 pub use stencil::{Depthwise, average_pool, max_pool};
 pub use training::{
     NormGradient, Normalization, Scratch, TrainableConv, TrainableDepthwise, average_pool_gradient, max_pool_gradient,

@@ -111,6 +111,19 @@ pub fn isa() -> Isa {
     *CHOSEN.get_or_init(|| check_isa().unwrap_or_else(|_| Isa::best()))
 }
 
+/// Has the line of `address` brought to the second-level cache; any address will do, valid or not.
+#[inline(always)]
+pub(super) fn prefetch(address: *const f32) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use std::arch::x86_64::{_MM_HINT_T1, _mm_prefetch};
+        // SAFETY: the instruction reads nothing and never faults; every x86-64 processor has it
+        unsafe { _mm_prefetch::<_MM_HINT_T1>(address.cast()) }
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = address;
+}
+
 /// A vector of `LANES` floats.
 ///
 /// # Safety

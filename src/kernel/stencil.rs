@@ -10,57 +10,95 @@ const DEPTHWISE: u8 = 0;
 const MAXIMUM: u8 = 1;
 const AVERAGE: u8 = 2;
 
-/// One pixel: its windows' runs, and where the result goes.
-struct Pixel<'a> {
-    runs: &'a [*const f32],
+/// Pixels that are computed together: as many chains as hide the latency of an addition.
+const TOGETHER: usize = 4;
+
+/// Some pixels side by side: what is under their windows, and where the results go.
+struct Pixels<'a> {
+    /// [`TOGETHER`] pointers for each run of a window.
+    runs: &'a [[*const f32; TOGETHER]],
     channels: usize,
     /// Depthwise: runs × channels. Otherwise unused.
     weights: *const f32,
     /// Depthwise: channels. Otherwise unused.
     bias: *const f32,
     clamp: (f32, f32),
-    /// Average: the sum is multiplied by it.
-    scale: f32,
+    /// Average: the sums are multiplied by them.
+    scales: [f32; TOGETHER],
     out: *mut f32,
+    /// Distance of outputs.
+    out_stride: usize,
+    /// Outputs that are stored, 1 to [`TOGETHER`].
+    valid: usize,
 }
 
-type PixelFn = unsafe fn(&Pixel);
+type PixelsFn = unsafe fn(&Pixels);
 
 #[inline(always)]
-unsafe fn run<S: Simd, const OPERATION: u8>(p: &Pixel) {
+unsafe fn run<S: Simd, const OPERATION: u8>(p: &Pixels) {
     let mut c = 0;
-    while c < p.channels {
-        let lanes = S::LANES.min(p.channels - c);
-        // SAFETY: the caller vouches for `channels` floats behind each pointer, and `lanes` ends there
-        unsafe {
-            let load = |from: *const f32| {
-                if lanes == S::LANES { S::load(from.add(c)) } else { S::load_first(from.add(c), lanes) }
-            };
-            let mut sum = S::splat(if OPERATION == MAXIMUM { f32::NEG_INFINITY } else { 0.0 });
-            for (t, &run) in p.runs.iter().enumerate() {
-                let x = load(run);
-                sum = match OPERATION {
-                    DEPTHWISE => x.fma(load(p.weights.add(t * p.channels)), sum),
-                    MAXIMUM => sum.max(x),
-                    _ => sum.add(x),
-                };
-            }
-            if OPERATION == DEPTHWISE {
-                sum = S::splat(p.clamp.1).min(S::splat(p.clamp.0).max(sum.add(load(p.bias))));
-            } else if OPERATION == AVERAGE {
-                // one rounding: x · scale + 0
-                sum = sum.fma(S::splat(p.scale), S::splat(0.0));
-            }
-            if lanes == S::LANES { sum.store(p.out.add(c)) } else { sum.store_first(p.out.add(c), lanes) }
+    // SAFETY: the caller vouches for `channels` floats behind each pointer
+    unsafe {
+        while c + 2 * S::LANES <= p.channels {
+            vectors::<S, OPERATION, 2>(p, c, S::LANES);
+            c += 2 * S::LANES;
         }
-        c += S::LANES;
+        while c < p.channels {
+            vectors::<S, OPERATION, 1>(p, c, S::LANES.min(p.channels - c));
+            c += S::LANES;
+        }
+    }
+}
+
+/// Computes V vectors of channels from `c` on; the last of them has `lanes` lanes.
+#[inline(always)]
+#[allow(clippy::needless_range_loop)] // loops with constant bounds, or the sums would live in memory
+unsafe fn vectors<S: Simd, const OPERATION: u8, const V: usize>(p: &Pixels, c: usize, lanes: usize) {
+    // SAFETY: the caller vouches for the lanes from `c` on behind each pointer
+    unsafe {
+        let load = |from: *const f32, v: usize| {
+            let from = from.add(c + v * S::LANES);
+            if v + 1 < V || lanes == S::LANES { S::load(from) } else { S::load_first(from, lanes) }
+        };
+        let start = if OPERATION == MAXIMUM { f32::NEG_INFINITY } else { 0.0 };
+        let mut sums = [[S::splat(start); V]; TOGETHER];
+        for (t, pointers) in p.runs.iter().enumerate() {
+            for v in 0..V {
+                let weights =
+                    if OPERATION == DEPTHWISE { load(p.weights.add(t * p.channels), v) } else { S::splat(0.0) };
+                for i in 0..TOGETHER {
+                    let x = load(pointers[i], v);
+                    sums[i][v] = match OPERATION {
+                        DEPTHWISE => x.fma(weights, sums[i][v]),
+                        MAXIMUM => sums[i][v].max(x),
+                        _ => sums[i][v].add(x),
+                    };
+                }
+            }
+        }
+        for v in 0..V {
+            let bias = if OPERATION == DEPTHWISE { load(p.bias, v) } else { S::splat(0.0) };
+            for i in 0..TOGETHER {
+                if i >= p.valid {
+                    continue;
+                }
+                let result = match OPERATION {
+                    DEPTHWISE => S::splat(p.clamp.1).min(S::splat(p.clamp.0).max(sums[i][v].add(bias))),
+                    MAXIMUM => sums[i][v],
+                    // one rounding: x · scale + 0
+                    _ => sums[i][v].fma(S::splat(p.scales[i]), S::splat(0.0)),
+                };
+                let to = p.out.add(i * p.out_stride + c + v * S::LANES);
+                if v + 1 < V || lanes == S::LANES { result.store(to) } else { result.store_first(to, lanes) }
+            }
+        }
     }
 }
 
 macro_rules! kernel {
     ($name:ident, $simd:ty, $operation:expr $(, $features:literal)?) => {
         $(#[target_feature(enable = $features)])?
-        pub(super) unsafe fn $name(p: &Pixel) {
+        pub(super) unsafe fn $name(p: &Pixels) {
             // SAFETY: the same conditions
             unsafe { run::<$simd, { $operation }>(p) }
         }
@@ -90,8 +128,8 @@ mod ymm {
     kernel!(average, Ymm, AVERAGE, "avx2,fma");
 }
 
-fn pixel_fn(isa: Isa, operation: u8) -> PixelFn {
-    let kernels: [PixelFn; 3] = match isa {
+fn pixels_fn(isa: Isa, operation: u8) -> PixelsFn {
+    let kernels: [PixelsFn; 3] = match isa {
         #[cfg(target_arch = "x86_64")]
         Isa::Avx512 => [zmm::depthwise, zmm::maximum, zmm::average],
         #[cfg(target_arch = "x86_64")]
@@ -126,25 +164,29 @@ fn forward(isa: Isa, operation: u8, window: Window, x: View, out: ViewMut, outsi
     if operation == DEPTHWISE {
         assert!(work.weights.len() == runs * channels && work.bias.len() == channels, "weights of another shape");
     }
-    let kernel = pixel_fn(isa, operation);
-    let mut table = vec![std::ptr::null(); runs];
-    let mut place = reader.place(0);
-    for p in 0..out.shape.pixels() {
-        let inside = reader.read(place, |run, floats| table[run] = floats.as_ptr());
-        let count = if work.counts_outside { runs } else { inside.max(1) };
-        let pixel = Pixel {
+    let kernel = pixels_fn(isa, operation);
+    let mut table = vec![[std::ptr::null(); TOGETHER]; runs];
+    for first in (0..out.shape.pixels()).step_by(TOGETHER) {
+        let valid = TOGETHER.min(out.shape.pixels() - first);
+        reader.point(first, valid, |i, run, floats| table[run][i] = floats);
+        for i in valid..TOGETHER {
+            table.iter_mut().for_each(|pointers| pointers[i] = pointers[0]);
+        }
+        let count = |i: usize| if work.counts_outside { runs } else { reader.covered(first + i.min(valid - 1)).max(1) };
+        let pixels = Pixels {
             runs: &table,
             channels,
             weights: work.weights.as_ptr(),
             bias: work.bias.as_ptr(),
             clamp: work.clamp,
-            scale: 1.0 / count as f32,
-            out: out.data[p * out.stride..][..channels].as_mut_ptr(),
+            scales: std::array::from_fn(|i| 1.0 / count(i) as f32),
+            out: out.data[first * out.stride..].as_mut_ptr(),
+            out_stride: out.stride,
+            valid,
         };
-        // SAFETY: every run was taken from a slice of `channels` floats, as was `out`; weights and bias were checked where
-        // they are read; the processor has the instruction set
-        unsafe { kernel(&pixel) };
-        reader.advance(&mut place);
+        // SAFETY: every run was taken from a slice of `channels` floats; the view of the outputs holds all pixels; weights and
+        // bias were checked where they are read; the processor has the instruction set
+        unsafe { kernel(&pixels) };
     }
 }
 

@@ -4,7 +4,7 @@
 //! Matrix product and convolution are both this loop. The rows of the left factor are named by
 //! pointers, so a convolution needs no copy of its input; the right factor comes packed in panels.
 
-use super::simd::{Isa, Plain, Simd};
+use super::simd::{Isa, Plain, Simd, prefetch};
 #[cfg(target_arch = "x86_64")]
 use super::simd::{Ymm, Zmm};
 
@@ -94,36 +94,49 @@ pub(super) fn panels(isa: Isa, columns: usize) -> Vec<(usize, usize, usize)> {
     panels
 }
 
-// Loops over M and V have constant bounds and no early end, or the sums would live in memory and not in registers.
 #[inline(always)]
-#[allow(clippy::needless_range_loop)]
 unsafe fn run<S: Simd, const M: usize, const V: usize>(t: &Tile) {
     // SAFETY: the caller vouches for the pointers of the tile and for the instruction set
     unsafe {
-        let mut sums = start::<S, M, V>(t);
+        let sums = start::<S, M, V>(t);
+        // a constant step needs one register for all rows' places
+        let sums = if t.step == 1 { sum_up::<S, M, V>(t, 1, sums) } else { sum_up::<S, M, V>(t, t.step, sums) };
+        finish::<S, M, V>(t, sums);
+    }
+}
+
+// Loops over M and V have constant bounds and no early end, or the sums would live in memory and not in registers.
+#[inline(always)]
+#[allow(clippy::needless_range_loop)]
+unsafe fn sum_up<S: Simd, const M: usize, const V: usize>(t: &Tile, step: usize, mut sums: [[S; V]; M]) -> [[S; V]; M] {
+    // SAFETY: as for `run`
+    unsafe {
         let mut panel = t.panel;
+        // what stands behind this panel is needed next, and comes from the third-level cache or from memory
+        let ahead = t.taps * t.len * V * S::LANES;
         for tap in 0..t.taps {
             let mut rows = [std::ptr::null::<f32>(); M];
             for (r, row) in rows.iter_mut().enumerate() {
-                *row = *t.rows.add(tap * M + r);
+                *row = (*t.rows.add(tap * M + r)).add(t.offset);
             }
-            let mut at = t.offset;
-            for _ in 0..t.len {
+            for i in 0..t.len {
                 let mut b = [S::splat(0.0); V];
                 for (v, b) in b.iter_mut().enumerate() {
                     *b = S::load(panel.add(v * S::LANES));
                 }
                 for r in 0..M {
-                    let a = S::splat(*rows[r].add(at));
+                    let a = S::splat(*rows[r].add(i * step));
                     for v in 0..V {
                         sums[r][v] = a.fma(b[v], sums[r][v]);
                     }
                 }
+                for v in 0..V {
+                    prefetch(panel.wrapping_add(ahead + v * S::LANES));
+                }
                 panel = panel.add(V * S::LANES);
-                at += t.step;
             }
         }
-        finish::<S, M, V>(t, sums);
+        sums
     }
 }
 
@@ -161,10 +174,16 @@ unsafe fn finish<S: Simd, const M: usize, const V: usize>(t: &Tile, mut sums: [[
             }
         }
         if let Some((low, high)) = t.clamp {
-            let (low, high) = (S::splat(low), S::splat(high));
             for r in 0..M {
                 for v in 0..V {
-                    sums[r][v] = high.min(low.max(sums[r][v]));
+                    sums[r][v] = S::splat(low).max(sums[r][v]);
+                }
+            }
+            if high < f32::INFINITY {
+                for r in 0..M {
+                    for v in 0..V {
+                        sums[r][v] = S::splat(high).min(sums[r][v]);
+                    }
                 }
             }
         }

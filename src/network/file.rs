@@ -9,7 +9,8 @@ use safetensors::{Dtype, SafeTensors, View};
 use serde::{Deserialize, Serialize};
 
 use super::dense::read;
-use super::{Coding, Error, Head, Projection, Standardisation};
+use super::part::Part;
+use super::{Coding, Error, Estimator, Projection, Standardisation};
 use crate::config::spec::NetworkSpec;
 use crate::store;
 
@@ -32,10 +33,13 @@ struct Description {
 impl Description {
     /// Number of values in all tensors together.
     fn values(&self) -> u128 {
-        let units = self.network.layers.iter().map(|l| u128::from(l.units)).chain([2]);
-        let mut inputs = self.inputs as u128;
-        let parameters = units.map(|units| (std::mem::replace(&mut inputs, units) + 1) * units);
-        parameters.sum::<u128>() + 2 * self.inputs as u128
+        let of = |part: &Part| -> u128 {
+            let outputs = part.outputs().len() as u128;
+            let units = self.network.layers.iter().map(|l| u128::from(l.units)).chain([outputs]);
+            let mut inputs = (self.inputs + part.given()) as u128;
+            units.map(|units| (std::mem::replace(&mut inputs, units) + 1) * units).sum()
+        };
+        Part::all(self.network.kind).iter().map(of).sum::<u128>() + 2 * self.inputs as u128
     }
 }
 
@@ -83,18 +87,19 @@ impl Projection {
     }
 }
 
-impl Head {
+impl Estimator {
     /// Writes the network to `path`: all that [`load`](Self::load) needs; equal networks give equal bytes.
     ///
     /// # Errors
     /// Those of the disk.
     pub fn save(&self, path: &Path) -> Result<(), Error> {
         let file = |e: String| Error::File { path: path.to_owned(), reason: e };
+        let Some(head) = self.heads.first() else { return Err(file("it has no head".to_owned())) };
         let description = Description {
             format: FORMAT,
-            inputs: self.inputs(),
-            network: self.spec.clone(),
-            coding: self.coding.clone(),
+            inputs: head.inputs(),
+            network: head.spec.clone(),
+            coding: head.coding.clone(),
         };
         let text = serde_json::to_string(&description).map_err(|e| file(e.to_string()))?;
         // one entry only: the map's order would reach the file
@@ -105,11 +110,13 @@ impl Head {
 
     fn tensors(&self) -> Result<Vec<(String, Plain)>, Error> {
         let dim = vec![self.inputs()];
-        let mut tensors = vec![
-            (MEAN.to_owned(), Plain::new(dim.clone(), self.standardisation.mean())),
-            (SD.to_owned(), Plain::new(dim, self.standardisation.sd())),
-        ];
-        for layer in &self.layers {
+        let mut tensors = Vec::new();
+        // one for all
+        if let Some(head) = self.heads.first() {
+            tensors.push((MEAN.to_owned(), Plain::new(dim.clone(), head.standardisation.mean())));
+            tensors.push((SD.to_owned(), Plain::new(dim, head.standardisation.sd())));
+        }
+        for layer in self.heads.iter().flat_map(|h| &h.layers) {
             for (part, variable) in [("weight", &layer.weight), ("bias", &layer.bias)] {
                 let tensor = read(variable, |v| Plain::new(variable.dims().to_vec(), v))?;
                 tensors.push((format!("{}.{part}", layer.name), tensor));
@@ -134,21 +141,23 @@ impl Head {
             return Err(file("its description asks for more values than it holds".to_owned()));
         }
         let standardisation = Standardisation::from_parts(get(MEAN, &[dim])?, get(SD, &[dim])?);
-        let head = Head::new(&description.network, &description.coding, Arc::new(standardisation), 0)?;
-        let mut parameters = Vec::with_capacity(head.parameter_count());
+        let estimator = Self::new(&description.network, &description.coding, &Arc::new(standardisation), 0)?;
         let mut known = vec![MEAN.to_owned(), SD.to_owned()];
-        for layer in &head.layers {
-            for (part, variable) in [("weight", &layer.weight), ("bias", &layer.bias)] {
-                known.push(format!("{}.{part}", layer.name));
-                parameters.extend(get(&known[known.len() - 1], variable.dims())?);
+        for head in &estimator.heads {
+            let mut parameters = Vec::with_capacity(head.parameter_count());
+            for layer in &head.layers {
+                for (part, variable) in [("weight", &layer.weight), ("bias", &layer.bias)] {
+                    known.push(format!("{}.{part}", layer.name));
+                    parameters.extend(get(&known[known.len() - 1], variable.dims())?);
+                }
             }
+            head.set_parameters(&parameters)?;
         }
         if let Some(extra) = tensors.names().into_iter().filter(|n| !known.iter().any(|k| k == n)).min() {
             let reason = "belongs to no layer".to_owned();
             return Err(Error::Tensor { path: path.to_owned(), tensor: extra.to_owned(), reason });
         }
-        head.set_parameters(&parameters)?;
-        Ok(head)
+        Ok(estimator)
     }
 }
 
@@ -180,49 +189,47 @@ mod tests {
     use super::*;
     use crate::config::spec::{Activation, LabelCoding, LayerSpec, NetworkKind, SamplingSpec};
 
-    fn head() -> Head {
+    fn network(kind: NetworkKind) -> Estimator {
         let layer = LayerSpec { units: 3, activation: Activation::Tanh, dropout: 0.25 };
-        let spec = NetworkSpec {
-            kind: NetworkKind::SingleNet,
-            labels: LabelCoding::Decoupled,
-            output: Activation::Linear,
-            layers: vec![layer],
-        };
+        let spec =
+            NetworkSpec { kind, labels: LabelCoding::Decoupled, output: Activation::Linear, layers: vec![layer] };
         let range = |low, high| SamplingSpec { low, high, step: Some(0.1) };
         let coding = Coding::new(spec.labels, &range(50.0, 500.0), &range(0.0, 1.2));
         let rows = [0.5f32, 1.0, 2.5, -1.0];
         let standardisation = Standardisation::fit(2, rows.chunks_exact(2));
-        Head::new(&spec, &coding, Arc::new(standardisation), 9).unwrap()
+        Estimator::new(&spec, &coding, &Arc::new(standardisation), 9).unwrap()
     }
 
     #[test]
     fn a_network_comes_back_as_it_went() {
         let folder = tempfile::tempdir().unwrap();
         let (first, second) = (folder.path().join("a.safetensors"), folder.path().join("b.safetensors"));
-        let head = head();
-        head.save(&first).unwrap();
-        let loaded = Head::load(&first).unwrap();
-        let features = [0.1f32, -3.0, 2.0, 0.7];
-        assert_eq!(loaded.estimate(&features).unwrap(), head.estimate(&features).unwrap());
-        loaded.save(&second).unwrap();
-        assert_eq!(store::read(&first).unwrap(), store::read(&second).unwrap());
+        for kind in [NetworkKind::SingleNet, NetworkKind::DualNet, NetworkKind::SeqNet] {
+            let network = network(kind);
+            network.save(&first).unwrap();
+            let loaded = Estimator::load(&first).unwrap();
+            let features = [0.1f32, -3.0, 2.0, 0.7];
+            assert_eq!(loaded.estimate(&features).unwrap(), network.estimate(&features).unwrap());
+            loaded.save(&second).unwrap();
+            assert_eq!(store::read(&first).unwrap(), store::read(&second).unwrap());
+        }
     }
 
     #[test]
     fn what_does_not_fit_is_named() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.safetensors");
-        let head = head();
+        let head = network(NetworkKind::SingleNet);
         head.save(&path).unwrap();
         let bytes = store::read(&path).unwrap();
         store::write(&path, &bytes[..bytes.len() - 5]).unwrap();
-        assert!(matches!(Head::load(&path), Err(Error::File { .. })));
+        assert!(matches!(Estimator::load(&path), Err(Error::File { .. })));
 
         let (_, header) = SafeTensors::read_metadata(&bytes).unwrap();
         let rewrite = |tensors: Vec<(String, Plain)>| {
             let bytes = safetensors::serialize(tensors, header.metadata().clone()).unwrap();
             store::write(&path, &bytes).unwrap();
-            match Head::load(&path) {
+            match Estimator::load(&path) {
                 Err(Error::Tensor { tensor, reason, .. }) => format!("{tensor} {reason}"),
                 other => format!("{other:?}"),
             }
@@ -230,7 +237,7 @@ mod tests {
         let mut greedy = header.metadata().clone().unwrap();
         greedy.values_mut().for_each(|text| *text = text.replace("\"units\":3", "\"units\":4000000000"));
         store::write(&path, &safetensors::serialize(head.tensors().unwrap(), Some(greedy)).unwrap()).unwrap();
-        assert!(Head::load(&path).unwrap_err().to_string().contains("more values than it holds"));
+        assert!(Estimator::load(&path).unwrap_err().to_string().contains("more values than it holds"));
         let mut tensors = head.tensors().unwrap();
         tensors.pop();
         assert_eq!(rewrite(tensors), "output.bias is missing");

@@ -5,8 +5,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use candle_core::{Device, Tensor, Var};
 
 use super::dense::{Dense, Dropout, read};
+use super::part::Part;
 use super::{Coding, Error, Gradient, Standardisation};
-use crate::config::spec::{Activation, NetworkKind, NetworkSpec};
+use crate::config::spec::{Activation, NetworkSpec};
 use crate::rng::stream;
 
 /// Rows that are predicted at a time, so that activations stay small.
@@ -24,8 +25,9 @@ pub(crate) struct Layer {
     pub weight: Var,
     /// `[units]`.
     pub bias: Var,
-    activation: Activation,
-    dropout: f64,
+    pub activation: Activation,
+    /// Share of activations that are dropped.
+    pub dropout: f64,
     gradient: Arc<Mutex<Gradient>>,
 }
 
@@ -52,6 +54,11 @@ impl Layer {
         })
     }
 
+    /// Names of weights and biases.
+    pub(crate) fn parameter_names(&self) -> [String; 2] {
+        ["weight", "bias"].map(|part| format!("{}.{part}", self.name))
+    }
+
     fn operation(&self) -> Dense {
         Dense { activation: self.activation, gradient: self.gradient.clone() }
     }
@@ -62,9 +69,10 @@ impl Layer {
     }
 }
 
-/// A trained or trainable network on features: standardisation, hidden layers, two outputs, coding.
+/// A trained or trainable network on features: standardisation, hidden layers, outputs, coding.
 #[derive(Debug)]
 pub struct Head {
+    part: Part,
     pub(super) spec: NetworkSpec,
     pub(super) coding: Coding,
     pub(super) standardisation: Arc<Standardisation>,
@@ -73,34 +81,34 @@ pub struct Head {
 }
 
 impl Head {
-    /// A fresh network with weights drawn from the streams of `seed`, one stream for each layer.
+    /// The network `part` of those that `spec` consists of, with weights drawn from the streams of `seed`, one stream for
+    /// each layer.
     ///
     /// # Errors
-    /// [`Error::Kind`] for anything but `single_net`.
-    pub fn new(
+    /// A tensor operation that failed.
+    pub(crate) fn new(
         spec: &NetworkSpec,
         coding: &Coding,
         standardisation: Arc<Standardisation>,
         seed: u64,
+        part: Part,
     ) -> Result<Self, Error> {
-        if spec.kind != NetworkKind::SingleNet {
-            return Err(Error::Kind { kind: spec.kind });
-        }
+        let (seed, prefix) = (part.seed(seed), part.prefix());
         let mut layers = Vec::with_capacity(spec.layers.len() + 1);
-        let mut inputs = standardisation.dim();
+        let mut inputs = standardisation.dim() + part.given();
         for (i, layer) in spec.layers.iter().enumerate() {
-            let shape = [inputs, layer.units as usize];
-            layers.push(Layer::new(format!("layer{i}"), shape, layer.activation, layer.dropout, (seed, i as u64))?);
+            let (name, shape) = (format!("{prefix}layer{i}"), [inputs, layer.units as usize]);
+            layers.push(Layer::new(name, shape, layer.activation, layer.dropout, (seed, i as u64))?);
             inputs = shape[1];
         }
-        let key = (seed, spec.layers.len() as u64);
-        layers.push(Layer::new("output".to_owned(), [inputs, 2], spec.output, 0.0, key)?);
-        Ok(Self { spec: spec.clone(), coding: coding.clone(), standardisation, layers })
+        let (name, shape) = (format!("{prefix}output"), [inputs, part.outputs().len()]);
+        layers.push(Layer::new(name, shape, spec.output, 0.0, (seed, spec.layers.len() as u64))?);
+        Ok(Self { part, spec: spec.clone(), coding: coding.clone(), standardisation, layers })
     }
 
-    /// Hidden layers and outputs as they were asked for.
-    pub fn spec(&self) -> &NetworkSpec {
-        &self.spec
+    /// Which network it is of those that make an estimate.
+    pub(crate) fn part(&self) -> Part {
+        self.part
     }
 
     /// What the outputs stand for.
@@ -154,7 +162,7 @@ impl Head {
         Ok(())
     }
 
-    /// Outputs `[n × 2]` for standardised rows `x` `[n × inputs]`, with dropout, as part of the graph.
+    /// Outputs `[n × outputs]` for standardised rows `x` `[n × (inputs + given)]`, with dropout, as part of the graph.
     pub(crate) fn forward(&self, x: &Tensor, masks: Masks) -> Result<Tensor, Error> {
         let mut x = x.clone();
         for (i, layer) in self.layers.iter().enumerate() {
@@ -167,46 +175,34 @@ impl Head {
         Ok(x)
     }
 
-    /// Outputs for standardised rows `[n × inputs]`, dropout off.
-    pub(crate) fn predict_standardised(&self, rows: &Tensor) -> Result<Vec<[f32; 2]>, Error> {
+    /// Outputs for standardised rows `[n × (inputs + given)]`, one row after the other, dropout off.
+    pub(crate) fn predict_standardised(&self, rows: &Tensor) -> Result<Vec<f32>, Error> {
         let n = rows.dim(0)?;
-        let mut outputs = Vec::with_capacity(n);
+        let mut outputs = Vec::with_capacity(n * self.part.outputs().len());
         for begin in (0..n).step_by(BLOCK_ROWS) {
             let mut x = rows.narrow(0, begin, BLOCK_ROWS.min(n - begin))?;
             for layer in &self.layers {
                 x = x.apply_op3_no_bwd(&layer.weight, &layer.bias, &layer.operation())?;
             }
-            read(&x, |y| outputs.extend(y.chunks_exact(2).map(|o| [o[0], o[1]])))?;
+            read(&x, |y| outputs.extend_from_slice(y))?;
         }
         Ok(outputs)
     }
 
-    /// The two coded outputs for each row of `features` (row-major, not standardised), dropout off.
-    ///
-    /// A row's outputs do not depend on the other rows.
+    /// `features` (row-major) with mean 0 and standard deviation 1.
     ///
     /// # Errors
     /// [`Error::Features`] if they are not whole rows.
-    pub fn predict(&self, features: &[f32]) -> Result<Vec<[f32; 2]>, Error> {
-        let rows = self.standardisation.apply_all(features)?;
-        let n = rows.len() / self.inputs();
-        self.predict_standardised(&Tensor::from_vec(rows, (n, self.inputs()), &Device::Cpu)?)
-    }
-
-    /// f (px) and ξ for each row of `features` (row-major, not standardised).
-    ///
-    /// # Errors
-    /// [`Error::Features`] if they are not whole rows.
-    pub fn estimate(&self, features: &[f32]) -> Result<Vec<(f64, f64)>, Error> {
-        Ok(self.predict(features)?.into_iter().map(|o| self.coding.decode(o)).collect())
+    pub(crate) fn standardised(&self, features: &[f32]) -> Result<Vec<f32>, Error> {
+        self.standardisation.apply_all(features)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::spec::{LabelCoding, LayerSpec, Loss, SamplingSpec};
-    use crate::network::LossOp;
+    use crate::config::spec::{LabelCoding, LayerSpec, Loss, NetworkKind, SamplingSpec};
+    use crate::network::{Estimator, LossOp};
 
     const INPUTS: usize = 5;
 
@@ -222,7 +218,7 @@ mod tests {
     fn head(spec: &NetworkSpec, seed: u64) -> Head {
         let range = |low, high| SamplingSpec { low, high, step: None };
         let coding = Coding::new(spec.labels, &range(50.0, 500.0), &range(0.0, 1.2));
-        Head::new(spec, &coding, Arc::new(Standardisation::identity(INPUTS)), seed).unwrap()
+        Head::new(spec, &coding, Arc::new(Standardisation::identity(INPUTS)), seed, Part::Both).unwrap()
     }
 
     fn draws(n: usize, purpose: &str) -> Vec<f32> {
@@ -320,22 +316,32 @@ mod tests {
 
     #[test]
     fn a_prediction_does_not_depend_on_the_rows_beside_it() {
-        let head = head(&spec(&[Activation::Tanh], 0.5), 3);
-        let features = draws(600 * INPUTS, "features");
-        let together = head.predict(&features).unwrap();
-        for i in [0, 255, 256, 599] {
-            assert_eq!(head.predict(&features[i * INPUTS..][..INPUTS]).unwrap(), [together[i]]);
+        let single = spec(&[Activation::Tanh], 0.5);
+        for kind in [NetworkKind::SingleNet, NetworkKind::DualNet, NetworkKind::SeqNet] {
+            let coding = head(&single, 0).coding;
+            let standardisation = Arc::new(Standardisation::identity(INPUTS));
+            let network =
+                Estimator::new(&NetworkSpec { kind, ..single.clone() }, &coding, &standardisation, 3).unwrap();
+            let features = draws(600 * INPUTS, "features");
+            let together = network.predict(&features).unwrap();
+            for i in [0, 255, 256, 599] {
+                assert_eq!(network.predict(&features[i * INPUTS..][..INPUTS]).unwrap(), [together[i]]);
+            }
+            assert!(matches!(network.predict(&features[..7]), Err(Error::Features { values: 7, dim: 5 })));
         }
-        assert!(matches!(head.predict(&features[..7]), Err(Error::Features { values: 7, dim: 5 })));
     }
 
     #[test]
-    fn only_a_single_net_has_a_head() {
-        let mut spec = spec(&[], 0.0);
-        spec.kind = NetworkKind::DualNet;
+    fn the_second_of_a_sequence_takes_the_firsts_output() {
+        let spec = NetworkSpec { kind: NetworkKind::SeqNet, ..spec(&[Activation::Tanh], 0.0) };
         let coding = head(&self::spec(&[], 0.0), 0).coding;
-        let made = Head::new(&spec, &coding, Arc::new(Standardisation::identity(1)), 0);
-        assert!(matches!(made, Err(Error::Kind { kind: NetworkKind::DualNet })));
+        let network = Estimator::new(&spec, &coding, &Arc::new(Standardisation::identity(INPUTS)), 3).unwrap();
+        let features = draws(INPUTS, "features");
+        let [[first, second]] = network.predict(&features).unwrap()[..] else { panic!("one row") };
+        let row = [&features[..], &[first]].concat();
+        let x = Tensor::from_vec(row, (1, INPUTS + 1), &Device::Cpu).unwrap();
+        assert_eq!(network.heads[1].predict_standardised(&x).unwrap(), [second]);
+        assert_eq!(network.parameter_count(), (5 * 7 + 7 + 7 + 1) + (6 * 7 + 7 + 7 + 1));
     }
 
     /// candle-nn's own layers with the same weights, as a second opinion on the forward pass.
@@ -356,8 +362,9 @@ mod tests {
             };
         }
         let expected: Vec<Vec<f32>> = x.to_vec2().unwrap();
-        for (ours, theirs) in head.predict(&rows).unwrap().iter().zip(&expected) {
-            assert!(ours.iter().zip(theirs).all(|(a, b)| (a - b).abs() < 1e-6), "{ours:?} {theirs:?}");
+        let x = Tensor::from_vec(rows, (9, INPUTS), &Device::Cpu).unwrap();
+        for (ours, theirs) in head.predict_standardised(&x).unwrap().iter().zip(expected.concat()) {
+            assert!((ours - theirs).abs() < 1e-6, "{ours} {theirs}");
         }
     }
 }

@@ -41,14 +41,17 @@ pub fn mean_loss(loss: Loss, outputs: &[f32], targets: &[f32]) -> f64 {
 
 /// Mean loss of `outputs` against `targets`, and its gradient by `outputs`.
 pub fn loss_and_gradient(loss: Loss, outputs: &[f32], targets: &[f32]) -> (f64, Vec<f32>) {
-    (mean_loss(loss, outputs, targets), scaled_gradient(loss, outputs, targets, 1.0))
+    let mut gradient = vec![0.0; outputs.len()];
+    scaled_gradient(loss, outputs, targets, 1.0, &mut gradient);
+    (mean_loss(loss, outputs, targets), gradient)
 }
 
-/// `share` times the gradient of the mean loss by `outputs`.
-fn scaled_gradient(loss: Loss, outputs: &[f32], targets: &[f32], share: f64) -> Vec<f32> {
+/// Writes `share` times the gradient of the mean loss by `outputs`.
+pub(crate) fn scaled_gradient(loss: Loss, outputs: &[f32], targets: &[f32], share: f64, gradient: &mut [f32]) {
     let n = outputs.len() as f64;
-    let slopes = outputs.iter().zip(targets).map(|(o, t)| slope(loss, f64::from(*o) - f64::from(*t)));
-    slopes.map(|slope| (slope / n * share) as f32).collect()
+    for ((output, target), gradient) in outputs.iter().zip(targets).zip(gradient) {
+        *gradient = (slope(loss, f64::from(*output) - f64::from(*target)) / n * share) as f32;
+    }
 }
 
 /// The loss as the last operation of a network: `[n × 2]` outputs to one number of type f64.
@@ -73,7 +76,8 @@ impl CustomOp1 for LossOp {
 
     /// The loss is where the chain rule begins, so the gradient that comes in is 1.
     fn bwd(&self, outputs: &Tensor, _: &Tensor, _: &Tensor) -> Result<Option<Tensor>> {
-        let gradient = read(outputs, |o| scaled_gradient(self.loss, o, &self.targets, self.share))?;
+        let mut gradient = vec![0.0; self.targets.len()];
+        read(outputs, |o| scaled_gradient(self.loss, o, &self.targets, self.share, &mut gradient))?;
         Tensor::from_vec(gradient, outputs.shape(), outputs.device()).map(Some)
     }
 }

@@ -1,43 +1,44 @@
 //! Networks on top of features: head, label coding, loss.
 //!
-//! A [`Head`] takes features (standardised with the statistics of the training subset) through fully
-//! connected layers to two outputs, which a [`Coding`] turns into f and ξ. Tensors, variables and the
+//! A head takes features (standardised with the statistics of the training subset) through fully
+//! connected layers to one output or two; an [`Estimator`] is the heads of a SingleNet, a DualNet or a SeqNet,
+//! whose two outputs a [`Coding`] turns into f and ξ. Tensors, variables and the
 //! chain rule are candle's; products and sums run through [`kernel`](crate::kernel), so that a head's
 //! outputs and gradients have the same bits on every machine.
 
+mod activation;
 mod coding;
 mod dense;
+mod estimator;
 mod file;
 mod head;
 mod loss;
+mod part;
 mod principal;
 mod projection;
 mod standardise;
 
 pub use coding::Coding;
-pub use head::Head;
+pub use estimator::Estimator;
 pub use loss::{loss_and_gradient, mean_loss};
 pub use projection::Projection;
 pub use standardise::{Scale, Standardisation};
 
+pub(crate) use activation::{activate, times_slope};
 pub(crate) use dense::{Gradient, read, values};
-pub(crate) use loss::LossOp;
+pub(crate) use estimator::with_given;
+pub(crate) use head::{Head, Layer};
+pub(crate) use loss::{LossOp, scaled_gradient};
+pub(crate) use part::Part;
 
 use std::path::PathBuf;
 
-use crate::config::spec::NetworkKind;
 use crate::error::{Class, Classify};
 use crate::store;
 
 /// What can go wrong with a network.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// A composition of networks that does not exist on frozen features.
-    #[error("`network.kind: {kind:?}` has no head on frozen features; hint: use `single_net`")]
-    Kind {
-        /// The kind asked for.
-        kind: NetworkKind,
-    },
     /// Feature values that are not whole rows.
     #[error("{values} feature values are not rows of {dim}, the number of this network's inputs")]
     Features {
@@ -75,7 +76,7 @@ pub enum Error {
 impl Classify for Error {
     fn class(&self) -> Class {
         match self {
-            Error::Kind { .. } | Error::File { .. } | Error::Tensor { .. } => Class::Input,
+            Error::File { .. } | Error::Tensor { .. } => Class::Input,
             Error::Features { .. } | Error::Candle(_) => Class::Run,
             Error::Store(e) => e.class(),
         }

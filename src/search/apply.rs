@@ -217,13 +217,16 @@ fn resize(layers: &mut Value, count: usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::spec::{Activation, Optimizer, SpaceSpec};
+    use crate::config::spec::{Activation, Optimizer, ScheduleKind, SpaceSpec};
 
     fn specs() -> (NetworkSpec, TrainSpec) {
         let network = json!({"kind": "single_net", "labels": "raw", "output": "sigmoid",
             "layers": [{"units": 64, "activation": "tanh", "dropout": 0.1}]});
-        let train = json!({"epochs": 5, "batch_size": 8, "loss": "log_cosh", "optimizer": "adam", "learning_rate": 1e-3,
-            "momentum": 0.0, "weight_decay": 0.0, "augmentation_strength": 0.0,
+        let train = json!({"engine": "fused", "epochs": 5, "batch_size": 8, "accumulate": 1, "loss": "log_cosh",
+            "optimizer": "adam", "learning_rate": 1e-3, "backbone_rate": 0.1,
+            "schedule": {"kind": "constant", "warmup": null, "initial_factor": 0.1, "final_factor": 0.0, "factor": 0.1,
+                "patience": 5},
+            "momentum": 0.0, "weight_decay": 0.0, "clip_norm": 0.0, "augmentation_strength": 0.0,
             "early_stopping": {"patience": 3, "min_delta": 0.0}});
         (serde_json::from_value(network).unwrap(), serde_json::from_value(train).unwrap())
     }
@@ -248,11 +251,14 @@ mod tests {
             assign("network.layers.0.activation", json!("relu")),
             assign("train.optimizer", json!("sgd")),
             assign("train.early_stopping.patience", json!(7)),
+            assign("train.schedule.kind", json!("one_cycle")),
+            assign("train.schedule.warmup", json!(0.3)),
         ];
         let (n, t) = apply(&all, &network, &train).unwrap();
         assert_eq!(n.layers.iter().map(|l| l.units).collect::<Vec<_>>(), [64, 64, 200]);
         assert_eq!((n.layers[0].activation, n.layers[1].activation), (Activation::Relu, Activation::Tanh));
         assert_eq!((t.optimizer, t.early_stopping.patience), (Optimizer::Sgd, 7));
+        assert_eq!((t.schedule.kind, t.schedule.warmup), (ScheduleKind::OneCycle, Some(0.3)));
         assert_eq!(apply(&[assign("network.layers", json!(0))], &network, &train).unwrap().0.layers, []);
         assert_eq!(apply(&[], &network, &train).unwrap(), (network, train));
     }

@@ -6,6 +6,7 @@ use super::Error;
 use super::inputs::Inputs;
 use crate::config::spec::{Experiment, LayerSpec, NetworkSpec, PanoramaSource, PrunerKind, SamplerKind};
 use crate::dataset::{Dataset, Subset};
+use crate::network::Part;
 use crate::panorama::Catalogue;
 use crate::search::TrialState;
 use crate::store::RunFolder;
@@ -153,10 +154,13 @@ fn layers(subject: &Subject<'_>) -> Vec<LayerRow> {
     let side = spec.backbone.input_px;
     let dim = subject.inputs.dim() as u64;
     let taps = spec.backbone.taps.join(", ");
-    let backbone = format!("{} ({})", text(&spec.backbone.architecture), spec.backbone.tune);
+    let backbones = if subject.inputs.shared_backbone() { 1 } else { Part::all(subject.network.kind).len() };
+    let times = if backbones > 1 { format!("{backbones} × ") } else { String::new() };
+    let backbone = format!("{times}{} ({})", text(&spec.backbone.architecture), spec.backbone.tune);
+    let parameters = backbones as u64 * subject.inputs.parameters;
     let mut rows = vec![
         row("input".to_owned(), format!("{side} × {side} × 3"), "RGB view".to_owned(), 0),
-        row(backbone, format!("taps {taps}"), format!("weights {}", spec.backbone.weights), subject.inputs.parameters),
+        row(backbone, format!("taps {taps}"), format!("weights {}", spec.backbone.weights), parameters),
         row(
             "features".to_owned(),
             thousands(subject.inputs.all_features as u64),
@@ -167,14 +171,22 @@ fn layers(subject: &Subject<'_>) -> Vec<LayerRow> {
     if subject.inputs.has_components() {
         rows.push(row("components".to_owned(), thousands(dim), "of largest variance (fixed)".to_owned(), 0));
     }
-    let mut inputs = dim;
-    for layer in &subject.network.layers {
-        let units = u64::from(layer.units);
-        rows.push(row(format!("dense {units}"), thousands(units), detail(layer), (inputs + 1) * units));
-        inputs = units;
-    }
-    for name in ["output f", "output ξ"] {
-        rows.push(row(name.to_owned(), "1".to_owned(), text(&subject.network.output), inputs + 1));
+    for part in Part::all(subject.network.kind) {
+        let which = match part.prefix() {
+            "" => String::new(),
+            prefix => format!("{} network: ", prefix.trim_end_matches('.')),
+        };
+        let mut inputs = dim + part.given() as u64;
+        for layer in &subject.network.layers {
+            let units = u64::from(layer.units);
+            let name = format!("{which}dense {units}");
+            rows.push(row(name, thousands(units), detail(layer), (inputs + 1) * units));
+            inputs = units;
+        }
+        for output in part.outputs() {
+            let name = format!("{which}output {}", ["f", "ξ"][output]);
+            rows.push(row(name, "1".to_owned(), text(&subject.network.output), inputs + 1));
+        }
     }
     rows
 }

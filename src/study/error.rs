@@ -40,6 +40,9 @@ pub enum Error {
         /// The name.
         name: String,
     },
+    /// The system gives no more threads.
+    #[error("cannot start a thread: {0}")]
+    Threads(String),
     /// The user stopped the run.
     #[error("interrupted; the same command goes on")]
     Interrupted,
@@ -111,6 +114,7 @@ impl Classify for Error {
             | Error::Worker
             | Error::Json(_)
             | Error::Yaml(_) => Class::Run,
+            Error::Threads(_) => Class::Run,
             Error::WeightsName { .. } => Class::Input,
             Error::Interrupted => Class::Interrupted,
             Error::Store(e) => e.class(),

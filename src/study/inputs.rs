@@ -4,7 +4,7 @@ use super::describe::thousands;
 use super::networks::{Images, Material, Training};
 use super::stages::{Made, Stages, weights_source};
 use super::{Error, Options};
-use crate::backbone::{Tunable, WeightsSource};
+use crate::backbone::{Backbone, Tunable, WeightsSource};
 use crate::config::spec::{BackboneSpec, Experiment, Tune};
 use crate::dataset::{Dataset, View};
 use crate::features::FeatureSet;
@@ -23,7 +23,7 @@ pub(super) struct Inputs<'a> {
 }
 
 enum Kind {
-    Features(Made<FeatureSet>),
+    Features { features: Made<FeatureSet>, backbone: Backbone },
     Maps { maps: Made<FeatureSet>, weights: WeightsSource },
     Images { origin: Hash, weights: WeightsSource },
 }
@@ -39,8 +39,9 @@ impl<'a> Inputs<'a> {
         if spec.backbone.tune == Tune::Frozen {
             let (features, backbone) = stages.features(dataset)?;
             let all_features = features.value.dim();
-            let kind = Kind::Features(stages.components(features, dataset)?);
-            return Ok(Self { spec: &spec.backbone, parameters: backbone.parameters() as u64, all_features, kind });
+            let parameters = backbone.parameters() as u64;
+            let kind = Kind::Features { features: stages.components(features, dataset)?, backbone };
+            return Ok(Self { spec: &spec.backbone, parameters, all_features, kind });
         }
         let weights = weights_source(spec, &options.weights)?;
         let (backbone, _) = Tunable::load(&spec.backbone, weights.clone())?;
@@ -55,7 +56,7 @@ impl<'a> Inputs<'a> {
     /// The same for a head: numbers that it takes for a view.
     pub(super) fn dim(&self) -> usize {
         match &self.kind {
-            Kind::Features(set) => set.value.dim(),
+            Kind::Features { features, .. } => features.value.dim(),
             Kind::Maps { .. } | Kind::Images { .. } => self.all_features,
         }
     }
@@ -64,7 +65,9 @@ impl<'a> Inputs<'a> {
     pub(super) fn words(&self) -> String {
         let features = thousands(self.all_features as u64);
         match &self.kind {
-            Kind::Features(set) => format!("{} rows × {features} features", thousands(set.value.rows().len() as u64)),
+            Kind::Features { features: set, .. } => {
+                format!("{} rows × {features} features", thousands(set.value.rows().len() as u64))
+            }
             Kind::Maps { maps, .. } => format!(
                 "{} maps of {} numbers, which trained blocks make {features} features of",
                 thousands(maps.value.rows().len() as u64),
@@ -74,9 +77,14 @@ impl<'a> Inputs<'a> {
         }
     }
 
+    /// Whether the networks of a DualNet or a SeqNet share one backbone, because it is not trained.
+    pub(super) fn shared_backbone(&self) -> bool {
+        matches!(self.kind, Kind::Features { .. })
+    }
+
     /// Whether heads are trained on components of the features.
     pub(super) fn has_components(&self) -> bool {
-        matches!(self.kind, Kind::Features(_)) && self.spec.components > 0
+        matches!(self.kind, Kind::Features { .. }) && self.spec.components > 0
     }
 
     /// Inputs with labels, for all trainings; `images` gives the image of a copy of a view.
@@ -88,11 +96,11 @@ impl<'a> Inputs<'a> {
     ) -> Result<Training<'b>, Error> {
         let backbone = self.spec;
         let material = match &self.kind {
-            Kind::Features(set) => {
-                let features = &set.value;
+            Kind::Features { features, backbone: frozen } => {
+                let features = &features.value;
                 let scale = if backbone.components == 0 { Scale::Each } else { Scale::Common };
                 let data = TrainingData::build(features.all(), features.dim(), features.rows(), views, scale)?;
-                Material::Features { data, features }
+                Material::Features { data, features, backbone: frozen }
             }
             Kind::Maps { maps, weights } => {
                 let data = TuningData::of_maps(views, &maps.value, maps.artefact.hash())?;

@@ -9,6 +9,7 @@ mod arms;
 mod describe;
 mod error;
 mod gallery;
+mod inference;
 mod inputs;
 mod networks;
 mod outputs;
@@ -137,6 +138,7 @@ fn execute(
         outputs::write(&folder)
     })?;
     outputs::write_durations(&folder)?;
+    inference::measure(&folder, &training, views, &image)?;
     events.tell("run_finished", &serde_json::json!({ "run": folder.path() }))?;
     store::remove_dir(&folder.join("checkpoints"))?;
     Ok(folder.finish(&EXACT)?)

@@ -4,12 +4,12 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::{Error, Options};
-use crate::backbone::WeightsSource;
+use crate::backbone::{Backbone, WeightsSource};
 use crate::config::spec::{BackboneSpec, Experiment, NetworkSpec, TrainSpec};
 use crate::dataset::{Dataset, Subset, View};
 use crate::evaluate::{self, Arm, Prediction};
 use crate::features::{FeatureRow, FeatureSet};
-use crate::network::{Coding, Head};
+use crate::network::{Coding, Estimator};
 use crate::pipeline::progress::Progress;
 use crate::store::RunFolder;
 use crate::tables::write_arm_predictions;
@@ -29,14 +29,14 @@ pub(super) struct Training<'a> {
 /// On what networks are trained.
 pub(super) enum Material<'a> {
     /// Heads, on features that are computed once.
-    Features { data: TrainingData, features: &'a FeatureSet },
+    Features { data: TrainingData, features: &'a FeatureSet, backbone: &'a Backbone },
     /// Backbones with their heads, on views.
     Views { backbone: &'a BackboneSpec, weights: WeightsSource, data: TuningData<'a>, images: Images<'a> },
 }
 
 /// A trained network.
 pub(super) enum Network {
-    Head(Head),
+    Heads(Estimator),
     Tuned(TunedNetwork),
 }
 
@@ -84,9 +84,9 @@ impl Training<'_> {
         match &self.material {
             Material::Features { data, .. } => {
                 let job = Job { network, train, coding, data, seed, checkpoint };
-                let Fitted { curve, best_epoch, best_objective, stopped, head } = fit(&job, observer, progress)?;
+                let Fitted { curve, best_epoch, best_objective, stopped, network } = fit(&job, observer, progress)?;
                 let trained = Trained { curve, best_epoch, best_objective, stopped };
-                Ok(TrainedNetwork { trained, network: Network::Head(head) })
+                Ok(TrainedNetwork { trained, network: Network::Heads(network) })
             }
             Material::Views { backbone, weights, data, .. } => {
                 let job = TuningJob { backbone, weights, network, train, coding, data, seed, checkpoint };
@@ -99,9 +99,9 @@ impl Training<'_> {
     /// A network that [`Network::save`] wrote.
     pub(super) fn load(&self, path: &Path) -> Result<Network, train::Error> {
         match &self.material {
-            Material::Features { .. } => Ok(Network::Head(Head::load(path)?)),
+            Material::Features { .. } => Ok(Network::Heads(Estimator::load(path)?)),
             Material::Views { backbone, weights, .. } => {
-                Ok(Network::Tuned(TunedNetwork::load(path, backbone, weights.clone())?))
+                Ok(Network::Tuned(TunedNetwork::load(path, backbone, weights)?))
             }
         }
     }
@@ -109,10 +109,33 @@ impl Training<'_> {
     /// What `network` predicts for the views that it was not trained on.
     pub(super) fn predict(&self, network: &Network, views: &[View]) -> Result<Vec<Prediction>, Error> {
         match (network, &self.material) {
-            (Network::Head(head), Material::Features { features, .. }) => of_head(head, features, views),
+            (Network::Heads(heads), Material::Features { features, .. }) => of_heads(heads, features, views),
             (Network::Tuned(tuned), Material::Views { images, .. }) => of_tuned(tuned, views, *images),
             _ => unreachable!("a run's networks are all of one kind"),
         }
+    }
+}
+
+impl Training<'_> {
+    /// Estimates f and ξ for the views `rows`, whose images are there already: each network of a DualNet or a SeqNet
+    /// runs its own backbone, as it would alone.
+    pub(super) fn estimate(&self, network: &Network, rows: &[FeatureRow], images: &[Vec<u8>]) -> Result<(), Error> {
+        match (network, &self.material) {
+            (Network::Heads(heads), Material::Features { features, backbone, .. }) => {
+                for _ in heads.heads() {
+                    backbone.features(&images.concat(), images.len());
+                }
+                let row = |row: &FeatureRow| features.rows().iter().position(|r| r == row);
+                let rows: Vec<f32> = rows.iter().filter_map(row).flat_map(|i| features.row(i)).copied().collect();
+                heads.estimate(&rows).map_err(train::Error::from)?;
+            }
+            (Network::Tuned(tuned), _) => {
+                let image = |row| rows.iter().position(|r| *r == row).map_or_else(Vec::new, |i| images[i].clone());
+                tuned.estimate(rows, &image)?;
+            }
+            _ => unreachable!("a run's networks are all of one kind"),
+        }
+        Ok(())
     }
 }
 
@@ -120,18 +143,18 @@ impl Network {
     /// Writes the network to `path`; a trained backbone's layers go to a file beside it.
     pub(super) fn save(&self, path: &Path) -> Result<(), train::Error> {
         match self {
-            Network::Head(head) => Ok(head.save(path)?),
+            Network::Heads(heads) => Ok(heads.save(path)?),
             Network::Tuned(tuned) => tuned.save(path),
         }
     }
 }
 
-fn of_head(head: &Head, features: &FeatureSet, views: &[View]) -> Result<Vec<Prediction>, Error> {
+fn of_heads(heads: &Estimator, features: &FeatureSet, views: &[View]) -> Result<Vec<Prediction>, Error> {
     let plain = features.rows().iter().enumerate().filter(|(_, row)| row.copy == 0);
     let row_of: BTreeMap<u32, usize> = plain.map(|(i, row)| (row.view, i)).collect();
     let unseen: Vec<&View> = unseen(views).filter(|v| row_of.contains_key(&v.index)).collect();
     let rows: Vec<f32> = unseen.iter().flat_map(|v| features.row(row_of[&v.index])).copied().collect();
-    let estimates = head.estimate(&rows).map_err(train::Error::from)?;
+    let estimates = heads.estimate(&rows).map_err(train::Error::from)?;
     Ok(unseen.iter().zip(estimates).map(|(view, (f, xi))| Prediction::of(view, f, xi)).collect())
 }
 

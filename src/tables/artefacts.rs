@@ -135,6 +135,15 @@ pub struct Picture {
     pub rgb: Vec<u8>,
 }
 
+/// `measured/inference.json`: how long an estimate takes on one thread, from the image on.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Inference {
+    /// Views that were estimated together.
+    pub views: usize,
+    /// Milliseconds for each of them.
+    pub milliseconds_per_view: f64,
+}
+
 /// A stage of this run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FlowStep {

@@ -10,6 +10,7 @@ mod latex;
 mod layout;
 mod markdown;
 mod model;
+mod networks;
 mod plain;
 mod predictions;
 pub mod published;
@@ -27,6 +28,7 @@ pub use layout::{
 };
 pub use markdown::markdown;
 pub use model::{Cell, Column, Kind, Table};
+pub use networks::{MeasuredRun, by_kind};
 pub use plain::plain;
 
 use artefacts::RunArtefacts;

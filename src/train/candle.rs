@@ -1,15 +1,14 @@
 //! A head as candle's variables and operations.
 
 use std::cell::RefCell;
-use std::path::Path;
 
 use candle_core::{CpuStorage, DType, Device, InplaceOp1, Layout, Result as CandleResult, Tensor, Var, bail};
 
 use super::engine::{Engine, Group, Place, TensorMut};
 use super::head::Job;
 use super::{Error, TrainingData, draws};
-use crate::network::{Coding, Head, LossOp};
-use crate::store::{self, Hash, hash_json};
+use crate::network::{Coding, Head, Layer, LossOp, Part, read, with_given};
+use crate::store::Hash;
 
 /// A head, and the rows that it is trained on.
 pub(super) struct CandleHead<'a> {
@@ -19,22 +18,22 @@ pub(super) struct CandleHead<'a> {
     names: Vec<[String; 2]>,
     /// Coded labels of all training rows.
     targets: Vec<[f32; 2]>,
-    /// The rows of a step, `[batch × dim]`, filled anew each time.
+    /// The rows of a step, `[batch × (dim + given)]`, filled anew each time.
     batch: Tensor,
 }
 
 impl<'a> CandleHead<'a> {
     /// Before the first step.
-    pub fn new(job: &'a Job<'a>) -> Result<Self, Error> {
+    pub fn new(job: &'a Job<'a>, part: Part) -> Result<Self, Error> {
         let data = job.data;
-        let head = Head::new(job.network, job.coding, data.standardisation().clone(), job.seed)?;
+        let head = Head::new(job.network, job.coding, data.standardisation().clone(), job.seed, part)?;
         let rows = (job.train.batch_size as usize).min(data.train_rows());
         Ok(Self {
             job,
             names: head_names(&head),
             head,
             targets: data.train_labels().iter().map(|label| job.coding.encode(label.0, label.1)).collect(),
-            batch: Tensor::zeros((rows, data.dim()), DType::F32, &Device::Cpu)?,
+            batch: Tensor::zeros((rows, data.dim() + part.given()), DType::F32, &Device::Cpu)?,
         })
     }
 
@@ -44,16 +43,9 @@ impl<'a> CandleHead<'a> {
     }
 }
 
-/// Names what a head is trained on, and from where.
-pub(super) fn fingerprint(job: &Job) -> Result<Hash, Error> {
-    let key = (job.network, job.coding, job.seed, job.data.fingerprint());
-    let path = || job.checkpoint.unwrap_or(Path::new("training")).to_owned();
-    Ok(hash_json(&key).map_err(|source| store::Error::Serialise { path: path(), source })?)
-}
-
 impl Engine for CandleHead<'_> {
     fn fingerprint(&self) -> Result<Hash, Error> {
-        fingerprint(self.job)
+        self.job.fingerprint()
     }
 
     fn epoch_rows(&self, epoch: u32) -> Vec<u32> {
@@ -61,10 +53,19 @@ impl Engine for CandleHead<'_> {
     }
 
     fn gradients(&mut self, rows: &[u32], place: Place, share: f64) -> Result<f64, Error> {
-        self.batch.inplace_op1(&Gather { data: self.job.data, rows })?;
+        let part = self.head.part();
+        self.batch.inplace_op1(&Gather {
+            data: self.job.data,
+            rows,
+            given: (part.given() > 0).then_some(&self.targets),
+        })?;
         let x = self.batch.narrow(0, 0, rows.len())?;
-        let mut masks = |layer, n, dropped| draws::dropout_mask(self.job.seed, place, layer, n, dropped);
-        let targets = rows.iter().flat_map(|row| self.targets[*row as usize]).collect();
+        let mut masks = |layer, n, dropped| {
+            let mut mask = vec![0.0; n];
+            draws::dropout_mask(part.seed(self.job.seed), place, layer, dropped, &mut mask);
+            mask
+        };
+        let targets = rows.iter().flat_map(|row| &self.targets[*row as usize][part.outputs()]).copied().collect();
         let outputs = self.head.forward(&x, &mut masks)?;
         let loss = outputs.apply_op1(LossOp { loss: self.job.train.loss, targets, share })?;
         let value = loss.to_scalar::<f64>()?;
@@ -79,8 +80,11 @@ impl Engine for CandleHead<'_> {
         visit_head(&self.head, &self.names, visit)
     }
 
-    fn validate(&mut self) -> Result<Vec<[f32; 2]>, Error> {
-        Ok(self.head.predict_standardised(self.job.data.validation())?)
+    fn outputs(&mut self, given: Option<&[f32]>) -> Result<Vec<f32>, Error> {
+        let data = self.job.data;
+        let Some(given) = given else { return Ok(self.head.predict_standardised(data.validation())?) };
+        let rows = read(data.validation(), |rows| with_given(rows, data.dim(), Some(given)))??;
+        Ok(self.head.predict_standardised(&rows)?)
     }
 
     fn validation_labels(&self) -> &[(f64, f64)] {
@@ -94,7 +98,7 @@ impl Engine for CandleHead<'_> {
 
 /// Names of each layer's weights and biases.
 pub(super) fn head_names(head: &Head) -> Vec<[String; 2]> {
-    head.layers().iter().map(|l| ["weight", "bias"].map(|part| format!("{}.{part}", l.name))).collect()
+    head.layers().iter().map(Layer::parameter_names).collect()
 }
 
 /// Hands a head's tensors to `visit`, layer by layer.
@@ -117,6 +121,8 @@ pub(super) fn visit_head(
 struct Gather<'a> {
     data: &'a TrainingData,
     rows: &'a [u32],
+    /// Coded labels of all rows, the first of which is put after a row's features.
+    given: Option<&'a Vec<[f32; 2]>>,
 }
 
 impl InplaceOp1 for Gather<'_> {
@@ -126,8 +132,12 @@ impl InplaceOp1 for Gather<'_> {
 
     fn cpu_fwd(&self, storage: &mut CpuStorage, _: &Layout) -> CandleResult<()> {
         let CpuStorage::F32(batch) = storage else { bail!("batch is not of type f32") };
-        for (to, row) in batch.chunks_exact_mut(self.data.dim()).zip(self.rows) {
-            to.copy_from_slice(self.data.train_row(*row));
+        let dim = self.data.dim();
+        for (to, row) in batch.chunks_exact_mut(dim + usize::from(self.given.is_some())).zip(self.rows) {
+            to[..dim].copy_from_slice(self.data.train_row(*row));
+            if let Some(labels) = self.given {
+                to[dim] = labels[*row as usize][0];
+            }
         }
         Ok(())
     }

@@ -4,6 +4,7 @@
 
 use super::TrainingData;
 use super::engine::Place;
+use crate::kernel::{isa, per_isa};
 use crate::rng::stream;
 
 /// Scope of all streams of a training.
@@ -19,10 +20,12 @@ pub(super) fn epoch_rows(data: &TrainingData, strength: f64, seed: u64, epoch: u
     rows
 }
 
-/// A dropout mask for `n` activations of hidden layer `layer`: 0 with probability `share`, else 1/(1 − `share`).
+/// Draws the dropout mask for the activations of hidden layer `layer`: 0 with probability `share`, else
+/// 1/(1 − `share`).
 ///
-/// One word decides on two activations, so `share` is rounded to a multiple of 2⁻¹⁶ in the drawing.
-pub(super) fn dropout_mask(seed: u64, place: Place, layer: usize, n: usize, share: f64) -> Vec<f32> {
+/// Half a word decides on an activation, so `share` is rounded to a multiple of 2⁻¹⁶ in the drawing.
+pub(super) fn dropout_mask(seed: u64, place: Place, layer: usize, share: f64, mask: &mut [f32]) {
+    const HALVES: usize = 512;
     let threshold = ((1.0 - share) * 65_536.0).round() as u32;
     let factor = (1.0 / (1.0 - share)) as f32;
     let Place { epoch, step, part } = place;
@@ -30,14 +33,20 @@ pub(super) fn dropout_mask(seed: u64, place: Place, layer: usize, n: usize, shar
     // the first part's index is the one of a whole batch
     let index = if part == 0 { &index[..3] } else { &index[..] };
     let mut words = stream(seed, SCOPE, index, "dropout");
-    let mut mask = vec![0.0; n];
-    for pair in mask.chunks_mut(2) {
-        let word = words.word();
-        for (half, m) in [word & 0xffff, word >> 16].into_iter().zip(pair) {
-            *m = if half < threshold { factor } else { 0.0 };
+    let mut bytes = [0; 2 * HALVES];
+    for mask in mask.chunks_mut(HALVES) {
+        words.fill(&mut bytes[..2 * mask.len().next_multiple_of(2)]);
+        decide(isa(), mask, bytes.as_chunks().0, threshold, factor);
+    }
+}
+
+per_isa! {
+    /// `factor` where a half word is below `threshold`, else 0.
+    fn decide(mask: &mut [f32], halves: &[[u8; 2]], threshold: u32, factor: f32) {
+        for (m, half) in mask.iter_mut().zip(halves) {
+            *m = if u32::from(u16::from_le_bytes(*half)) < threshold { factor } else { 0.0 };
         }
     }
-    mask
 }
 
 #[cfg(test)]
@@ -70,17 +79,21 @@ mod tests {
 
     #[test]
     fn a_mask_drops_its_share_and_keeps_the_mean() {
-        let place = |step, part| Place { epoch: 1, step, part };
+        let draw = |step, part, layer, n, share| {
+            let mut mask = vec![0.0; n];
+            dropout_mask(3, Place { epoch: 1, step, part }, layer, share, &mut mask);
+            mask
+        };
         for share in [0.05, 0.5, 0.95] {
-            let mask = dropout_mask(3, place(2, 0), 0, 200_001, share);
+            let mask = draw(2, 0, 0, 200_001, share);
             let dropped = mask.iter().filter(|m| **m == 0.0).count() as f64 / mask.len() as f64;
             let mean = mask.iter().map(|m| f64::from(*m)).sum::<f64>() / mask.len() as f64;
             assert!((dropped - share).abs() < 0.005, "{share}: {dropped}");
             assert!((mean - 1.0).abs() < 0.05, "{share}: {mean}");
         }
-        let first = dropout_mask(3, place(2, 0), 0, 99, 0.5);
-        assert_ne!(first, dropout_mask(3, place(2, 0), 1, 99, 0.5));
-        assert_ne!(first, dropout_mask(3, place(3, 0), 0, 99, 0.5));
-        assert_ne!(first, dropout_mask(3, place(2, 1), 0, 99, 0.5));
+        let first = draw(2, 0, 0, 99, 0.5);
+        assert_ne!(first, draw(2, 0, 1, 99, 0.5));
+        assert_ne!(first, draw(3, 0, 0, 99, 0.5));
+        assert_ne!(first, draw(2, 1, 0, 99, 0.5));
     }
 }

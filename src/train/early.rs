@@ -3,21 +3,33 @@
 use super::EpochRecord;
 use crate::config::spec::EarlyStoppingSpec;
 
-/// Whether the validation loss has not improved for `patience` epochs.
-///
-/// An improvement is a loss below (1 − `min_delta`) times that of the last improvement.
-pub(super) fn exhausted(curve: &[EpochRecord], spec: &EarlyStoppingSpec) -> bool {
-    let mut reference = f64::INFINITY;
-    let mut waited = 0;
-    for record in curve {
-        if record.validation_loss < reference * (1.0 - spec.min_delta) {
-            reference = record.validation_loss;
-            waited = 0;
-        } else {
-            waited += 1;
-        }
+/// The loss that has to be improved on.
+pub(super) struct Reference {
+    loss: f64,
+    min_delta: f64,
+}
+
+impl Reference {
+    /// Before the first epoch.
+    pub fn new(min_delta: f64) -> Self {
+        Self { loss: f64::INFINITY, min_delta }
     }
-    waited >= spec.patience
+
+    /// Whether `loss` is below (1 − `min_delta`) times that of the last improvement; then it takes its place.
+    pub fn improves(&mut self, loss: f64) -> bool {
+        let improves = loss < self.loss * (1.0 - self.min_delta);
+        if improves {
+            self.loss = loss;
+        }
+        improves
+    }
+}
+
+/// Whether the validation loss has not improved for `patience` epochs.
+pub(super) fn exhausted(curve: &[EpochRecord], spec: &EarlyStoppingSpec) -> bool {
+    let mut reference = Reference::new(spec.min_delta);
+    let wait = |waited, record: &EpochRecord| if reference.improves(record.validation_loss) { 0 } else { waited + 1 };
+    curve.iter().fold(0, wait) >= spec.patience
 }
 
 /// The epoch with the lowest objective, the earliest of equals.
@@ -26,10 +38,10 @@ pub(super) fn best(curve: &[EpochRecord]) -> Option<&EpochRecord> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
 
-    fn curve(losses: &[f64]) -> Vec<EpochRecord> {
+    pub fn curve(losses: &[f64]) -> Vec<EpochRecord> {
         let record = |(i, loss): (usize, &f64)| EpochRecord {
             epoch: i as u32,
             train_loss: 0.0,

@@ -26,6 +26,13 @@ pub(crate) trait Engine {
     /// Hands every trained tensor to `visit`, which may change its values; always in the same order.
     fn tensors(&mut self, visit: &mut dyn FnMut(TensorMut<'_>)) -> Result<(), Error>;
 
+    /// Hands every trained tensor to `visit` as [`tensors`](Self::tensors) does, now with its gradient; it may come in
+    /// several pieces, one after the other. Between two calls of [`gradients`](Self::gradients) it may be called more
+    /// than once, and `visit` changes values in the last call only.
+    fn updates(&mut self, visit: &mut dyn FnMut(TensorMut<'_>)) -> Result<(), Error> {
+        self.tensors(visit)
+    }
+
     /// What training changes beside the tensors, e.g. running statistics of batch norms.
     fn state(&self) -> Vec<f32> {
         Vec::new()
@@ -36,9 +43,11 @@ pub(crate) trait Engine {
         Ok(())
     }
 
-    /// Coded outputs for all validation rows, dropout off. One that ends with [`Error::Interrupted`] is asked again
-    /// when the training goes on, and has changed nothing.
-    fn validate(&mut self) -> Result<Vec<[f32; 2]>, Error>;
+    /// Coded outputs for all validation rows, one row after the other, dropout off: two a row, or one if it is a part of
+    /// an estimate's networks. `given` holds what the second network of a sequence is told: the first one's outputs.
+    ///
+    /// One that ends with [`Error::Interrupted`] is asked again when the training goes on, and has changed nothing.
+    fn outputs(&mut self, given: Option<&[f32]>) -> Result<Vec<f32>, Error>;
 
     /// (f, ξ) of each validation row.
     fn validation_labels(&self) -> &[(f64, f64)];
@@ -67,15 +76,14 @@ pub(crate) enum Group {
     Backbone,
 }
 
-/// A trained tensor.
+/// A trained tensor, or a piece of one.
 #[derive(Debug)]
 pub(crate) struct TensorMut<'a> {
     /// Its name, unique in the network.
     pub name: &'a str,
     /// Its values.
     pub values: &'a mut [f32],
-    /// The gradient of each value; only after [`Engine::gradients`] of this process does it mean anything, and before
-    /// it may be empty.
+    /// The gradient of each value in [`Engine::updates`]; it may be empty elsewhere.
     pub gradient: &'a [f32],
     /// Whether weight decay acts on it.
     pub decays: bool,

@@ -7,14 +7,14 @@ use std::time::{Duration, Instant};
 use super::checkpoint::{Position, Snapshot};
 use super::engine::{Engine, Place, parameters, set_parameters};
 use super::optimizer::State;
-use super::{EpochRecord, Error, early, objective};
+use super::{EpochRecord, Error, early, objective, schedule};
 use crate::config::spec::TrainSpec;
 use crate::network::mean_loss;
 use crate::pipeline::progress::Progress;
 use crate::store::{self, Hash, hash_json};
 
 /// Changes when a training of the same job would give other bits.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 /// Least time between two savings of the state in the middle of an epoch.
 const SAVE_INTERVAL: Duration = Duration::from_secs(2);
 /// Least time between any two savings, as a multiple of what the last one took.
@@ -171,12 +171,15 @@ impl<'a> Run<'a> {
     fn epoch(&mut self, progress: &dyn Progress) -> Result<EpochRecord, Error> {
         let epoch = self.position.epoch;
         let rows = self.engine.epoch_rows(epoch);
-        for rows in rows.chunks(self.train.batch_size as usize).skip(self.position.step as usize) {
+        let batch = self.train.batch_size as usize;
+        let steps = rows.len().div_ceil(batch) as f64;
+        for rows in rows.chunks(batch).skip(self.position.step as usize) {
             if progress.interrupted() {
                 return self.interrupted();
             }
             self.save_if_due(SAVE_INTERVAL)?;
-            self.position.loss_sum += self.step(rows)? * rows.len() as f64;
+            let share = (f64::from(epoch) + f64::from(self.position.step) / steps) / f64::from(self.train.epochs);
+            self.position.loss_sum += self.step(rows, share)? * rows.len() as f64;
             self.position.step += 1;
         }
         let record = match self.validate(self.position.loss_sum / rows.len() as f64) {
@@ -193,19 +196,32 @@ impl<'a> Run<'a> {
         Ok(record)
     }
 
-    /// One step on `rows`; returns the mean loss before it.
-    fn step(&mut self, rows: &[u32]) -> Result<f64, Error> {
+    /// One step on `rows`, before which `share` of the training is done; returns the mean loss before it.
+    fn step(&mut self, rows: &[u32], share: f64) -> Result<f64, Error> {
         let Position { epoch, step, .. } = self.position;
-        let loss = self.engine.gradients(rows, Place { epoch, step, part: 0 }, 1.0)?;
-        if !loss.is_finite() || !self.optimizer.step(self.engine)? {
+        let loss = self.gradients(rows)?;
+        let factor = schedule::factor(self.train, share, &self.curve);
+        if !loss.is_finite() || !self.optimizer.step(self.engine, factor)? {
             return Err(Error::Diverged { epoch, step });
+        }
+        Ok(loss)
+    }
+
+    /// Mean loss over `rows`, whose gradient the engine then holds, worked on in parts.
+    fn gradients(&mut self, rows: &[u32]) -> Result<f64, Error> {
+        let Position { epoch, step, .. } = self.position;
+        let mut loss = 0.0;
+        for (part, own) in (0..).zip(rows.chunks(rows.len().div_ceil(self.train.accumulate as usize))) {
+            let share = own.len() as f64 / rows.len() as f64;
+            loss += share * self.engine.gradients(own, Place { epoch, step, part }, share)?;
         }
         Ok(loss)
     }
 
     fn validate(&mut self, train_loss: f64) -> Result<EpochRecord, Error> {
         let Position { epoch, step, .. } = self.position;
-        let outputs = self.engine.validate()?;
+        let outputs = self.engine.outputs(None)?;
+        let (outputs, _) = outputs.as_chunks::<2>();
         let (coding, labels) = (self.engine.coding(), self.engine.validation_labels());
         let (mut sum_f, mut sum_xi) = (0.0, 0.0);
         for (output, label) in outputs.iter().zip(labels) {
@@ -298,4 +314,4 @@ impl<'a> Saver<'a> {
 
 #[cfg(test)]
 #[path = "fit_tests.rs"]
-mod tests;
+pub(super) mod tests;

@@ -3,11 +3,15 @@
 use std::path::Path;
 
 use super::candle::CandleHead;
-use super::fit::{Observer, Plan, Stopped, fit_engine};
+use super::engine::Engine;
+use super::fit::{Observer, Plan, Stopped, Trained, fit_engine};
+use super::fused::FusedHead;
+use super::parts::Parts;
 use super::{EpochRecord, Error, TrainingData};
-use crate::config::spec::{NetworkSpec, TrainSpec};
-use crate::network::{Coding, Head};
+use crate::config::spec::{EngineKind, NetworkSpec, TrainSpec};
+use crate::network::{Coding, Estimator, Head, Part};
 use crate::pipeline::progress::Progress;
+use crate::store::{self, Hash, hash_json};
 
 /// One head to be trained.
 #[derive(Debug, Clone, Copy)]
@@ -26,6 +30,15 @@ pub struct Job<'a> {
     pub checkpoint: Option<&'a Path>,
 }
 
+impl Job<'_> {
+    /// Names what the head is trained on, and from where.
+    pub(super) fn fingerprint(&self) -> Result<Hash, Error> {
+        let key = (self.network, self.coding, self.seed, self.data.fingerprint());
+        let path = || self.checkpoint.unwrap_or(Path::new("training")).to_owned();
+        Ok(hash_json(&key).map_err(|source| store::Error::Serialise { path: path(), source })?)
+    }
+}
+
 /// A trained head.
 #[derive(Debug)]
 pub struct Fitted {
@@ -38,7 +51,7 @@ pub struct Fitted {
     /// Why training ended.
     pub stopped: Stopped,
     /// The network with the weights of that epoch.
-    pub head: Head,
+    pub network: Estimator,
 }
 
 /// Trains a head.
@@ -54,14 +67,26 @@ pub struct Fitted {
 /// [`Error::Diverged`] if loss or parameters leave the finite numbers, [`Error::Interrupted`] after the
 /// state is saved, and those of network and disk.
 pub fn fit(job: &Job, observer: &mut dyn Observer, progress: &dyn Progress) -> Result<Fitted, Error> {
+    match job.train.engine {
+        EngineKind::Fused => fit_parts(job, |part| FusedHead::new(job, part), FusedHead::into_head, observer, progress),
+        EngineKind::Candle => {
+            let finish = |engine: CandleHead| Ok(engine.into_head());
+            fit_parts(job, |part| CandleHead::new(job, part), finish, observer, progress)
+        }
+    }
+}
+
+/// Trains an engine from `make` for each network that `job` asks for, and takes the head of each with `finish`.
+fn fit_parts<E: Engine>(
+    job: &Job,
+    make: impl Fn(Part) -> Result<E, Error>,
+    finish: impl Fn(E) -> Result<Head, Error>,
+    observer: &mut dyn Observer,
+    progress: &dyn Progress,
+) -> Result<Fitted, Error> {
+    let mut parts = Parts::new(job.network.kind, make)?;
     let plan = Plan { train: job.train, checkpoint: job.checkpoint };
-    let mut engine = CandleHead::new(job)?;
-    let trained = fit_engine(&plan, &mut engine, observer, progress)?;
-    Ok(Fitted {
-        curve: trained.curve,
-        best_epoch: trained.best_epoch,
-        best_objective: trained.best_objective,
-        stopped: trained.stopped,
-        head: engine.into_head(),
-    })
+    let Trained { curve, best_epoch, best_objective, stopped } = fit_engine(&plan, &mut parts, observer, progress)?;
+    let heads = parts.into_engines().into_iter().map(finish).collect::<Result<_, _>>()?;
+    Ok(Fitted { curve, best_epoch, best_objective, stopped, network: Estimator::of(heads) })
 }

@@ -11,8 +11,11 @@ mod draws;
 mod early;
 pub(crate) mod engine;
 mod fit;
+mod fused;
 mod head;
 mod optimizer;
+mod parts;
+mod schedule;
 mod tuning;
 
 pub use data::TrainingData;

@@ -1,25 +1,27 @@
 //! Adam and SGD with momentum, with decoupled weight decay.
 //!
 //! candle's optimisers keep their state to themselves, so a training could not be resumed to the same
-//! bits; and its SGD has no momentum. These go over parameters, gradients and state in one pass, with
-//! separate roundings of products and sums, so that every vector width gives the same bits.
+//! bits; and its SGD has no momentum. These go over parameters, gradients and state in one pass, with the same
+//! operations whatever the width of vectors.
 
 use super::Error;
-use super::engine::{Engine, TensorMut};
+use super::engine::{Engine, Group, TensorMut};
 use crate::config::spec::{Optimizer, TrainSpec};
-use crate::kernel::{Isa, isa};
+use crate::kernel::{inverse, inverse_root, isa, per_isa, sum_of_squares};
 
 const BETA_1: f64 = 0.9;
 const BETA_2: f64 = 0.999;
 const EPSILON: f32 = 1e-8;
 
-/// An optimiser with its state; everything in it is saved and restored exactly.
+/// An optimiser with its state; what changes in it is saved and restored exactly.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct State {
     optimizer: Optimizer,
     learning_rate: f64,
+    backbone_rate: f64,
     momentum: f32,
     weight_decay: f64,
+    clip_norm: f64,
     /// Steps taken.
     pub steps: u64,
     /// Adam: mean of gradients; SGD: velocity. In the order of `Engine::tensors`.
@@ -29,6 +31,15 @@ pub(super) struct State {
 }
 
 /// One step's factors for one parameter.
+#[derive(Clone, Copy)]
+struct Step {
+    rule: Rule,
+    /// Share of the parameter that weight decay leaves.
+    keep: f32,
+    /// What clipping multiplies the gradient by.
+    scale: f32,
+}
+
 #[derive(Clone, Copy)]
 enum Rule {
     Adam {
@@ -52,38 +63,55 @@ impl State {
         Ok(Self {
             optimizer: spec.optimizer,
             learning_rate: spec.learning_rate,
+            backbone_rate: spec.backbone_rate,
             momentum: spec.momentum as f32,
             weight_decay: spec.weight_decay,
+            clip_norm: spec.clip_norm,
             steps: 0,
             first: vec![0.0; parameters],
             second: vec![0.0; second],
         })
     }
 
-    /// Applies the gradients that `engine` holds; `false` if a parameter is no longer finite.
-    pub fn step(&mut self, engine: &mut dyn Engine) -> Result<bool, Error> {
+    /// Applies the gradients that `engine` holds, with `factor` times the learning rate; `false` if a parameter is no
+    /// longer finite.
+    pub fn step(&mut self, engine: &mut dyn Engine, factor: f64) -> Result<bool, Error> {
         self.steps += 1;
-        let rule = self.rule();
-        let keep = (1.0 - self.learning_rate * self.weight_decay) as f32;
+        let scale = self.scale(engine)?;
+        let [head, backbone] = [1.0, self.backbone_rate].map(|own| self.learning_rate * factor * own);
+        let [head, backbone] = [head, backbone].map(|rate| (self.rule(rate), (1.0 - rate * self.weight_decay) as f32));
         let (mut first, mut second) = (&mut self.first[..], &mut self.second[..]);
         let mut finite = true;
-        engine.tensors(&mut |TensorMut { values, gradient, decays, .. }| {
+        engine.updates(&mut |TensorMut { values, gradient, decays, group, .. }| {
             let first = split_first(&mut first, values.len());
             let second = split_first(&mut second, values.len());
-            let keep = if decays { keep } else { 1.0 };
-            finite &= update(isa(), rule, keep, values, gradient, first, second);
+            let (rule, keep) = if group == Group::Head { head } else { backbone };
+            let step = Step { rule, keep: if decays { keep } else { 1.0 }, scale };
+            finite &= update(isa(), step, values, gradient, first, second);
         })?;
         Ok(finite)
     }
 
-    fn rule(&self) -> Rule {
+    /// What shortens the gradient to the longest that is allowed. Of a gradient that is not finite, it makes one that
+    /// is no number.
+    fn scale(&self, engine: &mut dyn Engine) -> Result<f32, Error> {
+        if self.clip_norm == 0.0 {
+            return Ok(1.0);
+        }
+        let mut squares = 0.0;
+        engine.updates(&mut |tensor| squares += sum_of_squares(isa(), tensor.gradient))?;
+        let norm = squares.sqrt();
+        Ok(if norm <= self.clip_norm { 1.0 } else { (self.clip_norm / norm) as f32 })
+    }
+
+    fn rule(&self, rate: f64) -> Rule {
         let t = self.steps as f64;
         match self.optimizer {
             Optimizer::Adam => Rule::Adam {
-                rate: (self.learning_rate / (1.0 - libm::pow(BETA_1, t))) as f32,
+                rate: (rate / (1.0 - libm::pow(BETA_1, t))) as f32,
                 root: (1.0 / (1.0 - libm::pow(BETA_2, t)).sqrt()) as f32,
             },
-            Optimizer::Sgd => Rule::Sgd { rate: self.learning_rate as f32, momentum: self.momentum },
+            Optimizer::Sgd => Rule::Sgd { rate: rate as f32, momentum: self.momentum },
         }
     }
 }
@@ -96,78 +124,74 @@ fn split_first<'a>(rest: &mut &'a mut [f32], n: usize) -> &'a mut [f32] {
     first
 }
 
-/// One step with the widest vectors that `isa` has; they change the speed only.
-fn update(isa: Isa, rule: Rule, keep: f32, p: &mut [f32], g: &[f32], first: &mut [f32], second: &mut [f32]) -> bool {
-    match isa {
-        // SAFETY: `kernel::isa` names an instruction set that the processor has
-        #[cfg(target_arch = "x86_64")]
-        Isa::Avx512 => unsafe { update_avx512(rule, keep, p, g, first, second) },
-        // SAFETY: as above
-        #[cfg(target_arch = "x86_64")]
-        Isa::Avx2 => unsafe { update_avx2(rule, keep, p, g, first, second) },
-        _ => update_any(rule, keep, p, g, first, second),
+per_isa! {
+    /// One step, in place; `false` if a parameter is no longer finite.
+    fn update(step: Step, p: &mut [f32], g: &[f32], first: &mut [f32], second: &mut [f32]) -> bool {
+        match step.rule {
+            Rule::Adam { rate, root } => adam([rate, root], step, p, g, first, second),
+            Rule::Sgd { rate, momentum } => sgd([rate, momentum], step, p, g, first),
+        }
     }
 }
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f")]
-fn update_avx512(rule: Rule, keep: f32, p: &mut [f32], g: &[f32], first: &mut [f32], second: &mut [f32]) -> bool {
-    update_any(rule, keep, p, g, first, second)
-}
+/// Bits of infinity; those of a NaN without its sign are above it.
+const INFINITE: u32 = 0x7f80_0000;
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-fn update_avx2(rule: Rule, keep: f32, p: &mut [f32], g: &[f32], first: &mut [f32], second: &mut [f32]) -> bool {
-    update_any(rule, keep, p, g, first, second)
-}
-
+/// The bits of |x|, which are in the order of the values.
 #[inline(always)]
-fn update_any(rule: Rule, keep: f32, p: &mut [f32], g: &[f32], first: &mut [f32], second: &mut [f32]) -> bool {
-    match rule {
-        Rule::Adam { rate, root } => adam(rate, root, keep, p, g, first, second),
-        Rule::Sgd { rate, momentum } => sgd(rate, momentum, keep, p, g, first),
-    }
+fn size_bits(x: f32) -> u32 {
+    x.to_bits() & 0x7fff_ffff
 }
 
-/// 1 if `x` is infinite or NaN (all bits of its exponent are set), else 0.
+/// Kingma and Ba 2015, algorithm 1, with both bias corrections. Where the square of a gradient is no finite number, the
+/// parameter becomes none.
 #[inline(always)]
-fn broken(x: f32) -> u32 {
-    const EXPONENT: u32 = 0x7f80_0000;
-    u32::from(x.to_bits() & EXPONENT == EXPONENT)
-}
-
-/// Kingma and Ba 2015, algorithm 1, with both bias corrections.
-#[inline(always)]
-fn adam(rate: f32, root: f32, keep: f32, p: &mut [f32], g: &[f32], m: &mut [f32], v: &mut [f32]) -> bool {
+fn adam(
+    [rate, root]: [f32; 2],
+    Step { keep, scale, .. }: Step,
+    p: &mut [f32],
+    g: &[f32],
+    m: &mut [f32],
+    v: &mut [f32],
+) -> bool {
     const B1: f32 = BETA_1 as f32;
     const C1: f32 = (1.0 - BETA_1) as f32;
     const B2: f32 = BETA_2 as f32;
     const C2: f32 = (1.0 - BETA_2) as f32;
-    let mut any_broken = 0;
+    let mut largest = 0;
     for (((p, g), m), v) in p.iter_mut().zip(g).zip(m).zip(v) {
-        *m = B1 * *m + C1 * g;
-        *v = B2 * *v + C2 * (g * g);
-        *p = keep * *p - rate * *m / (v.sqrt() * root + EPSILON);
-        any_broken |= broken(*p);
+        let g = scale * g;
+        *m = B1.mul_add(*m, C1 * g);
+        *v = (C2 * g).mul_add(g, B2 * *v);
+        let size = (*v * inverse_root(*v)).mul_add(root, EPSILON);
+        *p = (-rate * *m).mul_add(inverse(size), keep * *p);
+        largest = largest.max(size_bits(*p));
     }
-    any_broken == 0
+    largest < INFINITE
 }
 
 /// Velocity = momentum · velocity + gradient; parameter −= rate · velocity.
 #[inline(always)]
-fn sgd(rate: f32, momentum: f32, keep: f32, p: &mut [f32], g: &[f32], velocity: &mut [f32]) -> bool {
-    let mut any_broken = 0;
+fn sgd(
+    [rate, momentum]: [f32; 2],
+    Step { keep, scale, .. }: Step,
+    p: &mut [f32],
+    g: &[f32],
+    velocity: &mut [f32],
+) -> bool {
+    let mut largest = 0;
     for ((p, g), v) in p.iter_mut().zip(g).zip(velocity) {
-        *v = momentum * *v + g;
-        *p = keep * *p - rate * *v;
-        any_broken |= broken(*p);
+        *v = momentum.mul_add(*v, scale * g);
+        *p = (-rate).mul_add(*v, keep * *p);
+        largest = largest.max(size_bits(*p));
     }
-    any_broken == 0
+    largest < INFINITE
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::kernel::Isa;
     use crate::rng::stream;
 
     fn draws(n: usize, index: u64) -> Vec<f32> {
@@ -185,7 +209,8 @@ mod tests {
             let g = draws(2, t);
             let (b1, b2) = (1.0 - 0.9f64.powi(t as i32), 1.0 - 0.999f64.powi(t as i32));
             let rule = Rule::Adam { rate: (rate / b1) as f32, root: (1.0 / b2.sqrt()) as f32 };
-            assert!(update_any(rule, (1.0 - rate * decay) as f32, &mut p, &g, &mut m, &mut v));
+            let step = Step { rule, keep: (1.0 - rate * decay) as f32, scale: 1.0 };
+            assert!(update(Isa::Portable, step, &mut p, &g, &mut m, &mut v));
             for i in 0..2 {
                 let g = f64::from(g[i]);
                 em[i] = 0.9 * em[i] + 0.1 * g;
@@ -199,13 +224,17 @@ mod tests {
     #[test]
     fn momentum_adds_up_gradients() {
         let (mut p, mut v) = ([1f32], [0f32]);
+        let rule = Rule::Sgd { rate: 0.1, momentum: 0.5 };
+        let step = |keep, g, p: &mut [f32], v: &mut [f32]| {
+            assert!(update(isa(), Step { rule, keep, scale: 2.0 }, p, &[g], v, &mut []));
+        };
         // velocity 1, 1.5, 1.75; parameter 1 − 0.1 · (1 + 1.5 + 1.75)
         for _ in 0..3 {
-            assert!(sgd(0.1, 0.5, 1.0, &mut p, &[1.0], &mut v));
+            step(1.0, 0.5, &mut p, &mut v);
         }
         assert!((v[0] - 1.75).abs() < 1e-6 && (p[0] - 0.575).abs() < 1e-6, "{p:?} {v:?}");
         // without gradient and velocity only decay moves it
-        assert!(sgd(0.1, 0.5, 0.9, &mut p, &[-0.875], &mut v));
+        step(0.9, -0.4375, &mut p, &mut v);
         assert!((p[0] - 0.575 * 0.9).abs() < 1e-6);
     }
 
@@ -219,7 +248,8 @@ mod tests {
                 .map(|isa| {
                     let (mut p, mut m, mut v) = (draws(n, 1), draws(n, 2), draws(n, 3));
                     v.iter_mut().for_each(|v| *v = v.abs());
-                    assert!(update(isa, rule, 0.999, &mut p, &draws(n, 4), &mut m, &mut v));
+                    let step = Step { rule, keep: 0.999, scale: 0.5 };
+                    assert!(update(isa, step, &mut p, &draws(n, 4), &mut m, &mut v));
                     [p, m, v].concat().into_iter().map(f32::to_bits).collect::<Vec<_>>()
                 })
                 .collect();
@@ -233,7 +263,8 @@ mod tests {
             let (mut p, mut v) = (draws(50, 1), draws(50, 2));
             let mut g = draws(50, 3);
             g[33] = bad;
-            assert!(!update(isa(), Rule::Sgd { rate: 0.1, momentum: 0.0 }, 1.0, &mut p, &g, &mut v, &mut []));
+            let step = Step { rule: Rule::Sgd { rate: 0.1, momentum: 0.0 }, keep: 1.0, scale: 1.0 };
+            assert!(!update(isa(), step, &mut p, &g, &mut v, &mut []));
         }
     }
 }

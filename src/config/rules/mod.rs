@@ -4,6 +4,7 @@ mod data;
 mod model;
 mod search;
 mod space;
+mod train;
 
 use std::sync::Arc;
 
@@ -47,8 +48,14 @@ pub(super) fn check(file: &Arc<Source>, tree: &Node, faulty: &[Vec<String>]) -> 
     if let Some(network) = &network {
         model::network(&mut rules, network);
     }
+    if tree.get("kind").and_then(Node::text) == Some("pretraining") {
+        model::pretraining(&mut rules, backbone.as_ref(), network.as_ref());
+    }
     if let Some(baseline) = &baseline {
         model::baseline(&mut rules, baseline);
+    }
+    if let Some(train) = &train {
+        train::check(&mut rules, train);
     }
     if let (Some(space), Some(network), Some(_)) = (&space, &network, &train) {
         space::check(&mut rules, space, network);

@@ -6,8 +6,6 @@ use crate::config::spec::{
     Activation, Architecture, BackboneSpec, BaselineSpec, LayerSpec, NetworkKind, NetworkSpec, Tune,
 };
 
-const ONE_BACKBONE: &str = "needs training through the backbone, which this version does not do";
-
 pub(super) fn backbone(rules: &mut Rules<'_>, spec: &BackboneSpec) {
     if let (Tune::Last(n), "seeded") = (spec.tune, spec.weights.as_str()) {
         let message = format!("`backbone.tune: last:{n}` would train on top of random blocks that stay random");
@@ -31,6 +29,19 @@ pub(super) fn backbone(rules: &mut Rules<'_>, spec: &BackboneSpec) {
                 "name each block once",
             );
         }
+    }
+}
+
+/// A pretraining writes one whole backbone.
+pub(super) fn pretraining(rules: &mut Rules<'_>, backbone: Option<&BackboneSpec>, network: Option<&NetworkSpec>) {
+    if let Some(tune) = backbone.map(|b| b.tune).filter(|tune| *tune != Tune::Full) {
+        let message = format!("`backbone.tune: {tune}` leaves a pretraining nothing to train, or only a part");
+        rules.refuse("backbone.tune kind", message, "write `tune: full`");
+    }
+    if let Some(kind) = network.map(|n| n.kind).filter(|kind| *kind != NetworkKind::SingleNet) {
+        let name = if kind == NetworkKind::DualNet { "dual_net" } else { "seq_net" };
+        let message = format!("a pretraining trains one backbone, and `network.kind: {name}` has two");
+        rules.refuse("network.kind", message, "write `kind: single_net`");
     }
 }
 
@@ -65,11 +76,6 @@ fn is_inner_block(architecture: Architecture, tap: &str) -> bool {
 }
 
 pub(super) fn network(rules: &mut Rules<'_>, spec: &NetworkSpec) {
-    if spec.kind != NetworkKind::SingleNet {
-        let name = if spec.kind == NetworkKind::DualNet { "dual_net" } else { "seq_net" };
-        let message = format!("`network.kind: {name}` {ONE_BACKBONE}");
-        rules.refuse("network.kind", message, "write `kind: single_net`: one network with two outputs");
-    }
     layers(rules, "network.layers", &spec.layers);
 }
 

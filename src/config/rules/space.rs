@@ -229,6 +229,10 @@ impl At<'_, '_> {
             let message = format!("`{}` is the same for all trials and cannot be searched", p.set);
             return self.refuse("set", message, "trials are compared epoch by epoch");
         }
+        if p.set == "train.engine" {
+            let message = "`train.engine` changes no result, only how fast it comes".to_owned();
+            return self.refuse("set", message, "search another key, and choose the engine for all trials");
+        }
         self.fits(key);
     }
 

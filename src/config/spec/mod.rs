@@ -8,19 +8,20 @@
 mod data;
 mod model;
 mod search;
+mod train;
 
 pub use data::{
     AugmentSpec, BadFile, DatasetSpec, PanoramaSource, PanoramaSpec, PoseAxis, PoseSpec, SamplingSpec, SceneMix,
     SplitBy, SplitSpec,
 };
 pub use model::{
-    Activation, Architecture, BackboneSpec, BaselineSpec, EarlyStoppingSpec, LabelCoding, LayerSpec, Loss, NetworkKind,
-    NetworkSpec, Optimizer, TrainSpec, Tune,
+    Activation, Architecture, BackboneSpec, BaselineSpec, LabelCoding, LayerSpec, NetworkKind, NetworkSpec, Tune,
 };
 pub use search::{
     BandwidthKind, ConstraintsKind, DuplicatesKind, ParameterSpec, ParameterType, PrunerKind, PrunerSpec, SamplerKind,
     SamplerSpec, SearchSpec, SpaceSpec,
 };
+pub use train::{EarlyStoppingSpec, EngineKind, Loss, Optimizer, ScheduleKind, ScheduleSpec, TrainSpec};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -1,7 +1,9 @@
-//! Keys of backbone, network, training and baseline.
+//! Keys of backbone, network and baseline.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+
+use super::train::Optimizer;
 
 /// Convolutional architectures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -160,70 +162,6 @@ pub struct NetworkSpec {
     /// Hidden layers, from the features to the outputs; a search space may set their number and each of their keys.
     #[schemars(length(max = 64))]
     pub layers: Vec<LayerSpec>,
-}
-
-/// Loss of one output; the two are averaged.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Loss {
-    /// ln cosh(error).
-    LogCosh,
-    /// Quadratic within δ = 0.1, linear beyond.
-    Huber,
-    /// Squared error.
-    Mse,
-}
-
-/// Optimisers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Optimizer {
-    /// Adam (Kingma and Ba 2015), β = (0.9, 0.999), ε = 1e-8.
-    Adam,
-    /// Stochastic gradient descent with momentum.
-    Sgd,
-}
-
-/// When training ends before its last epoch.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct EarlyStoppingSpec {
-    /// Epochs without improvement of the validation loss after which training ends.
-    #[schemars(range(min = 1, max = 100_000))]
-    pub patience: u32,
-    /// Smallest improvement that counts, relative to the best loss.
-    #[schemars(range(min = 0.0, max = 0.5))]
-    pub min_delta: f64,
-}
-
-/// Training of one network.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct TrainSpec {
-    /// Most passes over the training subset.
-    #[schemars(range(min = 1, max = 100_000))]
-    pub epochs: u32,
-    /// Views per step.
-    #[schemars(range(min = 1, max = 65_536))]
-    pub batch_size: u32,
-    /// Loss of one output.
-    pub loss: Loss,
-    /// Optimiser.
-    pub optimizer: Optimizer,
-    /// Step size.
-    #[schemars(range(min = 1e-8, max = 10.0))]
-    pub learning_rate: f64,
-    /// Momentum (`sgd`; inactive with `adam`).
-    #[schemars(range(min = 0.0, max = 0.999))]
-    pub momentum: f64,
-    /// Decoupled decay of weights per step, times the learning rate; biases do not decay.
-    #[schemars(range(min = 0.0, max = 1.0))]
-    pub weight_decay: f64,
-    /// Probability with which a changed copy of a view takes part in an epoch, in [0, 1].
-    #[schemars(range(min = 0.0, max = 1.0))]
-    pub augmentation_strength: f64,
-    /// When training ends before its last epoch.
-    pub early_stopping: EarlyStoppingSpec,
 }
 
 /// Hyper-parameters of the arm without search; everything else is shared with the tuned arm.

@@ -61,7 +61,7 @@ fn mistakes_that_the_schema_finds() {
         (
             "seed: 1\ntrain:\n  epocs: 5\n",
             "study.yaml:3:3: unknown key `epocs` in `train`",
-            "did you mean `epochs`? keys here: epochs,",
+            "did you mean `epochs`? keys here: engine, epochs,",
         ),
         (
             "seed: 1\ndataset: {scenes: 5}\n",
@@ -150,11 +150,11 @@ fn all_mistakes_of_all_files_are_reported_at_once_in_order() {
     let write = |path: &str, text: &str| crate::store::write(&folder.path().join(path), text.as_bytes()).unwrap();
     write("configs/train/odd.yaml", "use: head\nepochs: many\nmomentun: 0.5\n");
     write("a.yaml", "seed: 1\ntrain: {use: odd, batch_size: 0}\nsplit: {test: 0.2}\nextra: 1\n");
-    let errors = experiment(&folder.path().join("a.yaml"), Some("paper"), &["network.kind=seq_net", "baseline.unit=3"])
+    let errors = experiment(&folder.path().join("a.yaml"), Some("paper"), &["backbone.tune=last:2", "baseline.unit=3"])
         .unwrap_err();
     let shown = errors.to_string();
     let expected = [
-        "--set: `network.kind: seq_net` needs training",
+        "--set: `backbone.tune: last:2` would train on top of random blocks",
         "--set: unknown key `unit` in `baseline`",
         "a.yaml:2:31: `train.batch_size` is 0, out of its range",
         "a.yaml:3:15: the shares",
@@ -210,7 +210,7 @@ fn circles_of_pieces_and_suites_of_suites() {
     let suite = load(&folder.path().join("suite.yaml"), None, &[]).unwrap_err().to_string();
     for part in [
         "suite.yaml:5:3: ",
-        "is a suite, too",
+        "is a suite",
         "two.yaml:3:17: `train.epochs` takes",
         "suite.yaml:6:3: ",
         "has the name `same` too",

@@ -102,8 +102,14 @@ fn contradictions_that_rules_find() {
             "mirror: true",
         ),
         (
-            "seed: 1\nnetwork: {kind: dual_net}\n",
-            "study.yaml:2:17: `network.kind: dual_net` needs training through the backbone, which this version does not do",
+            "seed: 1\nbackbone: {tune: 'last:2'}\n",
+            "study.yaml:2:18: `backbone.tune: last:2` would train on top of random blocks that stay random",
+            "tune: full",
+        ),
+        ("kind: pretraining\nseed: 1\n", "`backbone.tune: frozen` leaves a pretraining nothing to train", "tune: full"),
+        (
+            "kind: pretraining\nseed: 1\nbackbone: {tune: full}\nnetwork: {kind: dual_net}\n",
+            "study.yaml:4:17: a pretraining trains one backbone, and `network.kind: dual_net` has two",
             "single_net",
         ),
         (
@@ -250,6 +256,16 @@ fn contradictions_of_a_search_space() {
         "`network.layers` has no item `7`",
         "for_each",
     );
+    one(
+        "    - {name: a, set: train.engine, type: categorical, choices: [fused, candle]}\n",
+        "`train.engine` changes no result, only how fast it comes",
+        "for all trials",
+    );
+    one(
+        "    - {name: a, set: train.schedule.kind, type: categorical, choices: [cosine, step]}\n",
+        "`train.schedule.kind` cannot be `\"step\"`",
+        "one_cycle",
+    );
     one(&format!("{rate}{rate}"), "study.yaml:6:14: a parameter `a` stands above already", "name of its own");
     one(
         &format!(
@@ -263,4 +279,20 @@ fn contradictions_of_a_search_space() {
         "`a` never has the value `7`",
         "from 0.1 to 1",
     );
+}
+
+#[test]
+fn contradictions_of_training() {
+    check(&[
+        (
+            "seed: 1\ntrain: {batch_size: 8, accumulate: 9}\n",
+            "study.yaml:2:36: a step of 8 views has no 9 parts",
+            "takes all views",
+        ),
+        (
+            "seed: 1\ntrain: {schedule: {kind: plateau, factor: 1.0}}\n",
+            "study.yaml:2:43: `train.schedule.factor` is 1, so a plateau would change nothing",
+            "kind: constant",
+        ),
+    ]);
 }

@@ -3,14 +3,14 @@
 use std::ops::Range;
 use std::sync::{Arc, Mutex};
 
-use candle_core::{Device, Var};
+use candle_core::{Device, Tensor, Var};
 
-use super::model::TunedNetwork;
+use super::model::TunedBackbone;
 use super::operation::{Features, Shared, Standardise, lock};
 use super::{TuningData, TuningJob};
 use crate::backbone::{Fill, Intake, Tunable, Tuned, TunedTensor, WeightsSource};
 use crate::features::FeatureRow;
-use crate::network::{Coding, Head, LossOp, Standardisation, read};
+use crate::network::{Coding, Head, LossOp, Part, Standardisation, read, with_given};
 use crate::pipeline::progress::Progress;
 use crate::store::{Hash, hash_json};
 use crate::train::candle::{change, head_names, visit_head};
@@ -41,19 +41,19 @@ pub(super) struct TuningEngine<'a> {
 impl<'a> TuningEngine<'a> {
     /// Before the first step. Trained weights' features are standardised as they are before any training; drawn weights'
     /// are taken as they come from the batch norms.
-    pub fn new(job: &'a TuningJob<'a>, progress: &'a dyn Progress) -> Result<Self, Error> {
+    pub fn new(job: &'a TuningJob<'a>, part: Part, progress: &'a dyn Progress) -> Result<Self, Error> {
         let (backbone, parameters) = Tunable::load(job.backbone, job.weights.clone())?;
         let standardise = Arc::new(match job.weights {
             WeightsSource::Seeded { .. } => Standardisation::identity(backbone.dim()),
             WeightsSource::File { .. } => fitted(job.data, &backbone, &parameters),
         });
-        let head = Head::new(job.network, job.coding, standardise.clone(), job.seed)?;
+        let head = Head::new(job.network, job.coding, standardise.clone(), job.seed, part)?;
         let count = parameters.len();
         Ok(Self {
             job,
             progress,
             intake: backbone.intake().clone(),
-            tensors: backbone.tensors(),
+            tensors: backbone.tensors(part.prefix()),
             backbone: Arc::new(Mutex::new(backbone)),
             parameters: Var::from_vec(parameters, count, &Device::Cpu)?,
             head_names: head_names(&head),
@@ -62,10 +62,15 @@ impl<'a> TuningEngine<'a> {
         })
     }
 
-    /// The network as it is.
-    pub fn into_network(self) -> Result<TunedNetwork, Error> {
+    /// The backbone and the head as they are.
+    pub fn into_part(self) -> Result<(TunedBackbone, Head), Error> {
         let parameters = read(&self.parameters, <[f32]>::to_vec)?;
-        Ok(TunedNetwork { backbone: self.backbone, parameters, head: self.head })
+        Ok((TunedBackbone { backbone: self.backbone, parameters }, self.head))
+    }
+
+    /// Whether it tells how far an epoch is: of two networks the first does.
+    fn tells(&self) -> bool {
+        self.head.part().outputs().start == 0
     }
 
     /// Writes inputs of `rows`, by their place.
@@ -107,11 +112,21 @@ impl Engine for TuningEngine<'_> {
             let (f_px, xi) = job.data.label(*row);
             job.coding.encode(f_px, xi)
         };
-        let targets = rows.iter().flat_map(encode).collect();
+        let labels: Vec<[f32; 2]> = rows.iter().map(encode).collect();
+        let part = self.head.part();
+        let targets = labels.iter().flat_map(|label| &label[part.outputs()]).copied().collect();
         let anew = place.part == 0;
         let features = self.parameters.apply_op1(Features { backbone: self.backbone.clone(), anew })?;
-        let x = features.apply_op1(Standardise(self.standardise.clone()))?;
-        let mut masks = |layer, n, dropped| draws::dropout_mask(job.seed, place, layer, n, dropped);
+        let mut x = features.apply_op1(Standardise(self.standardise.clone()))?;
+        if part.given() > 0 {
+            let given: Vec<f32> = labels.iter().map(|label| label[0]).collect();
+            x = Tensor::cat(&[&x, &Tensor::from_vec(given, (labels.len(), 1), &Device::Cpu)?], 1)?;
+        }
+        let mut masks = |layer, n, dropped| {
+            let mut mask = vec![0.0; n];
+            draws::dropout_mask(part.seed(job.seed), place, layer, dropped, &mut mask);
+            mask
+        };
         let outputs = self.head.forward(&x, &mut masks)?;
         let loss = outputs.apply_op1(LossOp { loss: job.train.loss, targets, share })?;
         let value = loss.to_scalar::<f64>()?;
@@ -119,7 +134,9 @@ impl Engine for TuningEngine<'_> {
             self.head.add_gradients(!anew);
             loss.backward()?;
         }
-        self.progress.advance(rows.len() as u64);
+        if self.tells() {
+            self.progress.advance(rows.len() as u64);
+        }
         Ok(value)
     }
 
@@ -150,16 +167,20 @@ impl Engine for TuningEngine<'_> {
         Ok(())
     }
 
-    fn validate(&mut self) -> Result<Vec<[f32; 2]>, Error> {
+    fn outputs(&mut self, given: Option<&[f32]>) -> Result<Vec<f32>, Error> {
         let tuned: Tuned = read(&self.parameters, |p| lock(&self.backbone).tuned(p))?;
-        let mut outputs = Vec::with_capacity(self.job.data.validation().len());
-        for rows in self.job.data.validation().chunks(BLOCK) {
+        let mut outputs = Vec::with_capacity(2 * self.job.data.validation().len());
+        for (i, rows) in self.job.data.validation().chunks(BLOCK).enumerate() {
             if self.progress.interrupted() {
                 return Err(Error::Interrupted);
             }
-            outputs.extend(self.head.predict(&tuned.features(rows.len(), &self.fill(rows)))?);
+            let features = self.head.standardised(&tuned.features(rows.len(), &self.fill(rows)))?;
+            let given = given.map(|g| &g[i * BLOCK..][..rows.len()]);
+            outputs.extend(self.head.predict_standardised(&with_given(&features, self.standardise.dim(), given)?)?);
         }
-        self.progress.end();
+        if self.tells() {
+            self.progress.end();
+        }
         Ok(outputs)
     }
 

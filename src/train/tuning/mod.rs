@@ -16,9 +16,10 @@ use std::path::Path;
 
 use super::Error;
 use super::fit::{Observer, Plan, Trained, fit_engine};
+use super::parts::Parts;
 use crate::backbone::WeightsSource;
 use crate::config::spec::{BackboneSpec, NetworkSpec, TrainSpec};
-use crate::network::Coding;
+use crate::network::{Coding, Estimator};
 use crate::pipeline::progress::Progress;
 use engine::TuningEngine;
 
@@ -43,7 +44,7 @@ pub struct TuningJob<'a> {
     pub checkpoint: Option<&'a Path>,
 }
 
-/// A trained backbone with its head.
+/// Trained backbones with their heads.
 pub struct Tuning {
     /// All epochs, and the best of them.
     pub trained: Trained,
@@ -56,8 +57,10 @@ pub struct Tuning {
 /// # Errors
 /// Those of [`fit`](super::fit), and of the weights.
 pub fn tune(job: &TuningJob, observer: &mut dyn Observer, progress: &dyn Progress) -> Result<Tuning, Error> {
-    let mut engine = TuningEngine::new(job, progress)?;
+    let mut parts = Parts::new(job.network.kind, |part| TuningEngine::new(job, part, progress))?;
     let plan = Plan { train: job.train, checkpoint: job.checkpoint };
-    let trained = fit_engine(&plan, &mut engine, observer, progress)?;
-    Ok(Tuning { trained, network: engine.into_network()? })
+    let trained = fit_engine(&plan, &mut parts, observer, progress)?;
+    let parts = parts.into_engines().into_iter().map(TuningEngine::into_part).collect::<Result<Vec<_>, _>>()?;
+    let (backbones, heads) = parts.into_iter().unzip();
+    Ok(Tuning { trained, network: TunedNetwork { backbones, estimator: Estimator::of(heads) } })
 }

@@ -6,10 +6,11 @@ use crate::pipeline::progress::Progress;
 use crate::train::Error;
 use crate::train::engine::{Engine, Place};
 use crate::train::optimizer::State;
+use crate::train::parts::Parts;
 
 /// A training that its caller takes step by step, to measure or to watch it.
 pub struct TuningSteps<'a> {
-    engine: TuningEngine<'a>,
+    engine: Parts<TuningEngine<'a>>,
     optimizer: State,
     batch_size: usize,
     rows: Vec<u32>,
@@ -22,7 +23,7 @@ impl<'a> TuningSteps<'a> {
     /// # Errors
     /// Those of the weights.
     pub fn new(job: &'a TuningJob<'a>, progress: &'a dyn Progress) -> Result<Self, Error> {
-        let mut engine = TuningEngine::new(job, progress)?;
+        let mut engine = Parts::new(job.network.kind, |part| TuningEngine::new(job, part, progress))?;
         let optimizer = State::new(job.train, &mut engine)?;
         let rows = engine.epoch_rows(0);
         let place = Place { epoch: 0, step: 0, part: 0 };
@@ -39,7 +40,7 @@ impl<'a> TuningSteps<'a> {
         let begin = step as usize % whole.max(1) * self.batch_size;
         let batch = &self.rows[begin..(begin + self.batch_size).min(self.rows.len())];
         let loss = self.engine.gradients(batch, self.place, 1.0)?;
-        if !loss.is_finite() || !self.optimizer.step(&mut self.engine)? {
+        if !loss.is_finite() || !self.optimizer.step(&mut self.engine, 1.0)? {
             return Err(Error::Diverged { epoch, step });
         }
         self.place.step += 1;

@@ -110,8 +110,9 @@ impl Case {
 /// All bits of a result.
 fn bits(tuning: &Tuning) -> Vec<u64> {
     let curve = tuning.trained.curve.iter().flat_map(|r| [r.train_loss, r.validation_loss, r.mae_f, r.mae_xi]);
-    let head = tuning.network.head.parameters().unwrap();
-    let layers = tuning.network.parameters.iter().chain(&head).map(|v| u64::from(v.to_bits()));
+    let heads = tuning.network.estimator.parameters().unwrap();
+    let backbones = tuning.network.backbones.iter().flat_map(|b| &b.parameters);
+    let layers = backbones.chain(&heads).map(|v| u64::from(v.to_bits()));
     curve.map(f64::to_bits).chain(layers).collect()
 }
 
@@ -125,6 +126,24 @@ fn every_architecture_learns_and_whatever_is_trained() {
             let (first, best) = (tuning.trained.curve[0].objective, tuning.trained.best_objective);
             assert!(best < 0.6 * first, "{architecture:?} {tune}: {first} to {best}");
         }
+    }
+}
+
+#[test]
+fn two_networks_learn_too_and_come_back_from_their_files() {
+    for kind in [NetworkKind::DualNet, NetworkKind::SeqNet] {
+        let mut case = case(Architecture::MobilenetV1, Tune::Full, "block2");
+        (case.network.kind, case.train.epochs) = (kind, 12);
+        let tuning = case.whole();
+        let (first, best) = (tuning.trained.curve[0].objective, tuning.trained.best_objective);
+        assert!(best < 0.6 * first, "{kind:?}: {first} to {best}");
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("tuned-0.safetensors");
+        tuning.network.save(&path).unwrap();
+        let rows: Vec<FeatureRow> = (0..7).map(|view| FeatureRow { view, copy: 0 }).collect();
+        let images = |row| image(&case.views, row);
+        let loaded = TunedNetwork::load(&path, &case.backbone, &WeightsSource::Seeded { seed: 6 }).unwrap();
+        assert_eq!(loaded.estimate(&rows, &images).unwrap(), tuning.network.estimate(&rows, &images).unwrap());
     }
 }
 
@@ -182,10 +201,10 @@ fn a_saved_network_estimates_the_same_and_an_exported_one_nearly() {
     let rows: Vec<FeatureRow> = (0..7).map(|view| FeatureRow { view, copy: 0 }).collect();
     let images = |row| image(&case.views, row);
     let estimates = network.estimate(&rows, &images).unwrap();
-    let loaded = TunedNetwork::load(&path, &case.backbone, WeightsSource::Seeded { seed: 6 }).unwrap();
+    let loaded = TunedNetwork::load(&path, &case.backbone, &WeightsSource::Seeded { seed: 6 }).unwrap();
     assert_eq!(loaded.estimate(&rows, &images).unwrap(), estimates);
     let other = BackboneSpec { taps: vec!["block3".to_owned()], ..case.backbone.clone() };
-    let wrong = TunedNetwork::load(&path, &other, WeightsSource::Seeded { seed: 6 });
+    let wrong = TunedNetwork::load(&path, &other, &WeightsSource::Seeded { seed: 6 });
     assert!(matches!(wrong, Err(Error::Model { .. })));
     network.export(&folder.path().join("half.safetensors")).unwrap();
     for ((f, xi), (rounded_f, rounded_xi)) in estimates.iter().zip(network.estimate(&rows, &images).unwrap()) {
