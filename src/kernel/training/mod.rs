@@ -9,7 +9,7 @@ mod copies;
 mod depthwise;
 mod norm;
 mod pool;
-mod product;
+mod multiply;
 mod runs;
 mod weight_gradient;
 mod windows;
