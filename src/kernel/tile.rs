@@ -112,7 +112,8 @@ unsafe fn sum_up<S: Simd, const M: usize, const V: usize>(t: &Tile, step: usize,
     // SAFETY: as for `run`
     unsafe {
         let mut panel = t.panel;
-        // what stands behind this panel is needed next, and comes from the third-level cache or from memory
+        // what stands behind this panel is needed next, and comes from the third-level cache or from memory; of a strided left
+        // factor many tiles share a panel that was packed just now
         let ahead = t.taps * t.len * V * S::LANES;
         for tap in 0..t.taps {
             let mut rows = [std::ptr::null::<f32>(); M];
@@ -130,8 +131,10 @@ unsafe fn sum_up<S: Simd, const M: usize, const V: usize>(t: &Tile, step: usize,
                         sums[r][v] = a.fma(b[v], sums[r][v]);
                     }
                 }
-                for v in 0..V {
-                    prefetch(panel.wrapping_add(ahead + v * S::LANES));
+                if step == 1 {
+                    for v in 0..V {
+                        prefetch(panel.wrapping_add(ahead + v * S::LANES));
+                    }
                 }
                 panel = panel.add(V * S::LANES);
             }

@@ -1,7 +1,7 @@
 //! A convolution whose weights change: forward, and both gradients.
 
 use super::Scratch;
-use super::product::{Packed, Target, multiply};
+use super::multiply::{Packed, Target, multiply};
 use super::weight_gradient::WeightGradient;
 use super::windows::{Axis, Phase, Windows};
 use crate::kernel::buffer::Buffer;

@@ -1,9 +1,13 @@
 //! A convolution of each channel with its own window, whose weights change: forward, and both gradients.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::Scratch;
-use super::windows::{Axis, Windows, rows_mut};
+use super::channelwise::{Sum, Weights};
+use super::runs::Runs;
+use super::windows::rows_mut;
 use crate::kernel::dispatch::{Work, dispatch, load, store};
 use crate::kernel::map::{Shape, View, ViewMut, Window};
 use crate::kernel::simd::{Isa, Simd, isa};
@@ -52,20 +56,10 @@ impl TrainableDepthwise {
     ///
     /// # Panics
     /// If a shape is not that of this convolution.
-    pub fn forward(&self, x: View, weights: &[f32], mut out: ViewMut) {
+    pub fn forward(&self, x: View, weights: &[f32], out: ViewMut) {
         self.check(x.shape, out.shape, weights.len());
-        let windows = Windows::separate(x, self.window, out.shape);
-        let (width, stride) = (out.shape.width, out.stride);
-        rows_mut(&mut out).enumerate().for_each_init(Vec::new, |terms, (row, out)| {
-            for column in 0..width {
-                terms.clear();
-                windows.read(windows.place(row * width + column), |tap, x| {
-                    terms.extend(x.map(|x| (x, &weights[tap * self.channels..][..self.channels])));
-                });
-                let out = &mut out[column * stride..][..self.channels];
-                dispatch(self.isa, Sum { terms, out, accumulate: false });
-            }
-        });
+        let runs = Runs::forward(self.window, x.shape, out.shape);
+        self.sum(&runs, x, weights, out, false);
     }
 
     /// The gradient by the input, of the gradient `dy` by the output, into `dx`; with `accumulate`, added to what stands
@@ -73,24 +67,20 @@ impl TrainableDepthwise {
     ///
     /// # Panics
     /// If a shape is not that of this convolution.
-    pub fn by_input(&self, dy: View, weights: &[f32], mut dx: ViewMut, accumulate: bool) {
+    pub fn by_input(&self, dy: View, weights: &[f32], dx: ViewMut, accumulate: bool) {
         self.check(dx.shape, dy.shape, weights.len());
-        let (rows, columns) = Axis::both(self.window, dy.shape);
-        let (shape, stride) = (dx.shape, dx.stride);
-        rows_mut(&mut dx).enumerate().for_each_init(Vec::new, |terms, (row, dx)| {
-            let first_row = row / shape.height * dy.shape.height;
-            for column in 0..shape.width {
-                terms.clear();
-                for (oy, ky) in rows.covering(row % shape.height) {
-                    for (ox, kx) in columns.covering(column) {
-                        let tap = ky * self.window.width + kx;
-                        let dy = dy.pixel((first_row + oy) * dy.shape.width + ox);
-                        terms.push((dy, &weights[tap * self.channels..][..self.channels]));
-                    }
-                }
-                let out = &mut dx[column * stride..][..self.channels];
-                dispatch(self.isa, Sum { terms, out, accumulate });
-            }
+        let runs = Runs::backward(self.window, dx.shape, dy.shape);
+        self.sum(&runs, dy, weights, dx, accumulate);
+    }
+
+    fn sum(&self, runs: &Runs, maps: View, weights: &[f32], mut out: ViewMut, accumulate: bool) {
+        let stride = out.stride;
+        let factors = Weights { weights, channels: self.channels };
+        rows_mut(&mut out).enumerate().for_each_init(Vec::new, |terms, (row, out)| {
+            runs.of_row(row, terms, |run| {
+                let out = &mut out[run.first * stride..];
+                dispatch(self.isa, Sum { run, maps, factors, out, stride, accumulate });
+            });
         });
     }
 
@@ -121,66 +111,82 @@ impl TrainableDepthwise {
     }
 }
 
-/// `out` = 0 or `out`, plus the products of the terms, channel by channel.
-struct Sum<'a> {
-    terms: &'a [(&'a [f32], &'a [f32])],
-    out: &'a mut [f32],
-    accumulate: bool,
-}
-
-impl Work for Sum<'_> {
-    #[inline(always)]
-    unsafe fn run<S: Simd>(self) {
-        for c in (0..self.out.len()).step_by(S::LANES) {
-            // SAFETY: values and weights have the length of `out`; the caller vouches for the instruction set
-            unsafe {
-                let mut sum = if self.accumulate { load::<S>(self.out, c) } else { S::splat(0.0) };
-                for (values, weights) in self.terms {
-                    sum = load::<S>(values, c).fma(load(weights, c), sum);
-                }
-                store(sum, self.out, c);
-            }
-        }
-    }
-}
-
-/// Gradients of all weights by some output rows.
+/// Gradients of all weights by some output rows: each one chain in the order of output pixels.
 struct ByWeights<'a> {
     window: Window,
     x: View<'a>,
     dy: View<'a>,
-    rows: std::ops::Range<usize>,
+    rows: Range<usize>,
     dw: &'a mut [f32],
 }
 
 impl Work for ByWeights<'_> {
     #[inline(always)]
-    unsafe fn run<S: Simd>(self) {
-        let (x_shape, shape) = (self.x.shape, self.dy.shape);
-        let Window { width, stride, pad, .. } = self.window;
-        for (tap, dw) in self.dw.chunks_exact_mut(shape.channels).enumerate() {
-            let (ky, kx) = (tap / width, tap % width);
-            // output columns whose input is inside the image
-            let first = pad.left.saturating_sub(kx).div_ceil(stride);
-            let end = (x_shape.width + pad.left).saturating_sub(kx).div_ceil(stride).min(shape.width);
-            for c in (0..shape.channels).step_by(S::LANES) {
-                // SAFETY: the caller vouches for the instruction set
-                let mut sum = unsafe { S::splat(0.0) };
-                for row in self.rows.clone() {
-                    let y = (row % shape.height * stride + ky).wrapping_sub(pad.top);
-                    if y >= x_shape.height {
-                        continue;
-                    }
-                    let x_row = (row / shape.height * x_shape.height + y) * x_shape.width;
-                    for column in first..end {
-                        let x = self.x.pixel(x_row + column * stride + kx - pad.left);
-                        let dy = self.dy.pixel(row * shape.width + column);
-                        // SAFETY: both have all channels; the caller vouches for the instruction set
-                        sum = unsafe { load::<S>(x, c).fma(load(dy, c), sum) };
+    unsafe fn run<S: Simd>(mut self) {
+        let channels = self.dy.shape.channels;
+        let together = if self.window.width == 3 { 3 } else { 1 };
+        for first in (0..self.window.height * self.window.width).step_by(together) {
+            let mut c = 0;
+            while c < channels {
+                let whole = c + 2 * S::LANES <= channels;
+                // SAFETY: there are more than `c` channels; the caller vouches for the instruction set
+                unsafe {
+                    match (together, whole) {
+                        (3, true) => self.taps::<S, 3, 2>(first, c),
+                        (3, false) => self.taps::<S, 3, 1>(first, c),
+                        (_, true) => self.taps::<S, 1, 2>(first, c),
+                        (_, false) => self.taps::<S, 1, 1>(first, c),
                     }
                 }
-                // SAFETY: `dw` holds one tap's channels; the caller vouches for the instruction set
-                unsafe { store(sum, dw, c) };
+                c += if whole { 2 } else { 1 } * S::LANES;
+            }
+        }
+    }
+}
+
+impl ByWeights<'_> {
+    /// `TAPS` taps of a window row from `first` on, and `VECTORS` vectors of channels from `c` on.
+    #[inline(always)]
+    #[allow(clippy::needless_range_loop)]
+    unsafe fn taps<S: Simd, const TAPS: usize, const VECTORS: usize>(&mut self, first: usize, c: usize) {
+        let (x, dy) = (self.x, self.dy);
+        let Window { width, stride, pad, .. } = self.window;
+        let (ky, kx) = (first / width, first % width);
+        // output columns at which all these taps are inside the image
+        let begin = pad.left.saturating_sub(kx).div_ceil(stride);
+        let end = (x.shape.width + pad.left).saturating_sub(kx + TAPS - 1).div_ceil(stride).min(dy.shape.width);
+        // SAFETY: there are more than `c` channels, and whole vectors of them if there are several; the caller vouches for
+        // the instruction set
+        unsafe {
+            let load = |from: &[f32], v: usize| {
+                if VECTORS > 1 { S::load(from.as_ptr().add(c + v * S::LANES)) } else { load(from, c) }
+            };
+            let mut sums = [[S::splat(0.0); VECTORS]; TAPS];
+            for row in self.rows.clone() {
+                let y = (row % dy.shape.height * stride + ky).wrapping_sub(pad.top);
+                if y >= x.shape.height {
+                    continue;
+                }
+                let x_row = (row / dy.shape.height * x.shape.height + y) * x.shape.width;
+                for column in 0..dy.shape.width {
+                    let inside = (begin..end).contains(&column);
+                    let dy = dy.pixel(row * dy.shape.width + column);
+                    for t in 0..TAPS {
+                        let x_column = (column * stride + kx + t).wrapping_sub(pad.left);
+                        if inside || x_column < x.shape.width {
+                            let x = x.pixel(x_row + x_column);
+                            for v in 0..VECTORS {
+                                sums[t][v] = load(x, v).fma(load(dy, v), sums[t][v]);
+                            }
+                        }
+                    }
+                }
+            }
+            for t in 0..TAPS {
+                let dw = &mut self.dw[(first + t) * dy.shape.channels..][..dy.shape.channels];
+                for v in 0..VECTORS {
+                    store(sums[t][v], dw, c + v * S::LANES);
+                }
             }
         }
     }

@@ -3,12 +3,14 @@
 //! All of it runs on the current pool of threads. How work is shared among threads never changes the order of
 //! a sum.
 
+mod channelwise;
 mod conv;
 mod copies;
 mod depthwise;
 mod norm;
 mod pool;
-mod product;
+mod multiply;
+mod runs;
 mod weight_gradient;
 mod windows;
 

@@ -9,7 +9,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::copies::{Gradients, Inputs, Tiling};
-use super::product::Shared;
+use super::multiply::Shared;
 use crate::kernel::map::{View, Window};
 use crate::kernel::simd::Isa;
 use crate::kernel::tile::{Tile, panels, tile_fn};

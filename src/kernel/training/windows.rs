@@ -1,5 +1,7 @@
 //! Which pixels a window covers and, the other way round, which windows cover a pixel.
 
+use std::ops::Range;
+
 use crate::kernel::map::{Shape, View, ViewMut, Window};
 
 /// One axis of a window that slides over an image.
@@ -22,6 +24,13 @@ impl Axis {
             Axis { taps: height, stride, pad: pad.top, outputs: out.height },
             Axis { taps: width, stride, pad: pad.left, outputs: out.width },
         )
+    }
+
+    /// The inputs under the window at a place, for an image of `size` pixels.
+    pub fn inside(self, place: usize, size: usize) -> Range<usize> {
+        let first = place * self.stride;
+        let end = (first + self.taps).saturating_sub(self.pad).min(size);
+        first.saturating_sub(self.pad).min(end)..end
     }
 
     /// The places from which the window covers input `i`, in order, each with the tap that does.
@@ -104,12 +113,6 @@ impl<'a> Windows<'a> {
         }
     }
 
-    /// [`forward`](Self::forward), each column of a window a run of its own.
-    pub fn separate(x: View<'a>, window: Window, out: Shape) -> Self {
-        let size = (window.height, window.width);
-        Self { size, len: x.shape.channels, ..Self::forward(x, window, out) }
-    }
-
     /// The windows of `dy` that the pixels of a phase have a part in.
     pub fn backward(dy: View<'a>, rows: Phase, columns: Phase) -> Self {
         Self {
@@ -149,24 +152,46 @@ impl<'a> Windows<'a> {
         }
     }
 
-    /// Calls `put` for every run of the window at `place`, `None` if it is outside.
-    pub fn read(&self, place: Place, mut put: impl FnMut(usize, Option<&'a [f32]>)) {
-        let View { data, shape, stride } = self.maps;
-        let first_row = self.origin.0 + (place.row * self.stride) as isize;
-        let first_column = self.origin.1 + (place.column * self.stride) as isize;
-        for ky in 0..self.size.0 {
-            let row = first_row + ky as isize;
-            let row = (0..shape.height as isize).contains(&row).then_some(row as usize);
-            for kx in 0..self.size.1 {
-                let column = first_column + kx as isize;
-                let column = (0..shape.width as isize).contains(&column).then_some(column as usize);
-                let run = row.zip(column).map(|(row, column)| {
-                    let pixel = (place.image * shape.height + row) * shape.width + column;
-                    &data[pixel * stride..][..self.len]
-                });
-                put(ky * self.size.1 + kx, run);
+    /// Calls `put(i, run, floats)` for every run of the windows of `count` pixels of the grid from pixel `first` on;
+    /// `floats` points to as many floats as a run has, in the maps or, for a run outside them, in `outside`.
+    pub fn point(&self, first: usize, count: usize, outside: &[f32], mut put: impl FnMut(usize, usize, *const f32)) {
+        let outside = outside[..self.len].as_ptr();
+        let step = self.stride * self.maps.stride;
+        let mut place = self.place(first);
+        let mut done = 0;
+        while done < count {
+            let columns = (self.grid.1 - place.column).min(count - done);
+            for run in 0..self.runs().0 {
+                let (inside, floats) = self.inside(place, run, columns);
+                (0..inside.start).for_each(|i| put(done + i, run, outside));
+                for (n, i) in inside.clone().enumerate() {
+                    put(done + i, run, floats.as_ptr().wrapping_add(n * step));
+                }
+                (inside.end..columns).for_each(|i| put(done + i, run, outside));
             }
+            place.column += columns - 1;
+            self.advance(&mut place);
+            done += columns;
         }
+    }
+
+    /// For which of `columns` pixels from `place` on a run is inside the maps, and the floats from the first of these runs to the
+    /// last.
+    fn inside(&self, place: Place, run: usize, columns: usize) -> (Range<usize>, &'a [f32]) {
+        let View { data, shape, stride } = self.maps;
+        let (ky, kx) = (run / self.size.1, run % self.size.1);
+        let row = self.origin.0 + (place.row * self.stride + ky) as isize;
+        let column = self.origin.1 + (place.column * self.stride + kx) as isize;
+        // pixels until the column is at least `least`
+        let until = |least: isize| ((least - column).max(0) as usize).div_ceil(self.stride).min(columns);
+        let inside = until(0)..until(shape.width as isize);
+        if !(0..shape.height as isize).contains(&row) || inside.is_empty() {
+            return (0..0, &[]);
+        }
+        let first = (column + (inside.start * self.stride) as isize) as usize;
+        let pixel = (place.image * shape.height + row as usize) * shape.width + first;
+        let len = (inside.len() - 1) * self.stride * stride + self.len;
+        (inside, &data[pixel * stride..][..len])
     }
 }
 

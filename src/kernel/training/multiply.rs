@@ -10,8 +10,9 @@ use crate::kernel::map::ViewMut;
 use crate::kernel::simd::Isa;
 use crate::kernel::tile::{Tile, panels, tile_fn, tile_rows};
 
-/// Depth of a block of weights: its widest panel and two tiles' inputs stay in the first-level cache.
-const DEPTH: usize = 128;
+/// Depth of a block of weights: its widest panel stays in the second-level cache, from where it is read as fast as it is
+/// needed; the deeper, the seldomer sums are put aside.
+const DEPTH: usize = 1024;
 /// Pixels that share one pass over the weights, a multiple of every tile's rows.
 const PIXELS: usize = 192;
 /// Tasks for each thread, if there is enough to do: a compromise between evenness and the cost of tasks.
@@ -200,14 +201,10 @@ impl Task<'_> {
         let runs = self.windows.runs().0;
         let padded = pixels.next_multiple_of(rows);
         table.resize(padded * runs, std::ptr::null());
-        let mut place = self.windows.place(first);
-        for p in 0..padded {
-            let tile = &mut table[p / rows * rows * runs..][..rows * runs];
-            self.windows
-                .read(place, |run, floats| tile[run * rows + p % rows] = floats.unwrap_or(self.outside).as_ptr());
-            if p + 1 < pixels {
-                self.windows.advance(&mut place);
-            }
+        let at = |p: usize, run: usize| (p / rows * runs + run) * rows + p % rows;
+        self.windows.point(first, pixels, self.outside, |p, run, floats| table[at(p, run)] = floats);
+        for p in pixels..padded {
+            (0..runs).for_each(|run| table[at(p, run)] = table[at(pixels - 1, run)]);
         }
     }
 

@@ -1,0 +1,123 @@
+//! Sums over windows that keep channels apart.
+
+use super::runs::{Run, Term};
+use crate::kernel::dispatch::{Work, load, store};
+use crate::kernel::map::View;
+use crate::kernel::simd::Simd;
+
+/// The factors of terms.
+pub(super) trait Factors: Copy {
+    /// Those of `term` for channels from `c` on.
+    ///
+    /// # Safety
+    /// The processor has the instruction set of `S`, and there are more than `c` channels.
+    unsafe fn load<S: Simd>(self, term: &Term, c: usize) -> S;
+}
+
+/// A weight for each tap and channel.
+#[derive(Clone, Copy)]
+pub(super) struct Weights<'a> {
+    pub weights: &'a [f32],
+    pub channels: usize,
+}
+
+impl Factors for Weights<'_> {
+    #[inline(always)]
+    unsafe fn load<S: Simd>(self, term: &Term, c: usize) -> S {
+        // SAFETY: the slice holds one tap's channels; the caller vouches for the rest
+        unsafe { load(&self.weights[term.tap * self.channels..][..self.channels], c) }
+    }
+}
+
+/// One over the number of pixels that an average is taken over.
+#[derive(Clone, Copy)]
+pub(super) struct Shares {
+    /// That number, if it is not that of the taps inside the image.
+    pub pixels: Option<usize>,
+}
+
+impl Factors for Shares {
+    #[inline(always)]
+    unsafe fn load<S: Simd>(self, term: &Term, _: usize) -> S {
+        // SAFETY: the caller vouches for the instruction set
+        unsafe { S::splat(1.0 / self.pixels.unwrap_or(term.inside) as f32) }
+    }
+}
+
+/// For all pixels of a run, each channel: the sum of the products of terms and their factors, as one chain of fused
+/// multiply-adds that begins at 0 or at what stands there.
+pub(super) struct Sum<'a, F> {
+    pub run: Run<'a>,
+    pub maps: View<'a>,
+    pub factors: F,
+    /// From the run's first pixel on.
+    pub out: &'a mut [f32],
+    /// Floats from a pixel of the row to the next.
+    pub stride: usize,
+    pub accumulate: bool,
+}
+
+impl<F: Factors> Work for Sum<'_, F> {
+    #[inline(always)]
+    unsafe fn run<S: Simd>(mut self) {
+        // SAFETY: the caller vouches for the instruction set
+        unsafe {
+            // with their number known to the compiler, factors stay in registers
+            match self.run.terms.len() {
+                1 => self.fixed::<S, 1>(),
+                2 => self.fixed::<S, 2>(),
+                3 => self.fixed::<S, 3>(),
+                4 => self.fixed::<S, 4>(),
+                6 => self.fixed::<S, 6>(),
+                9 => self.fixed::<S, 9>(),
+                _ => self.any::<S>(),
+            }
+        }
+    }
+}
+
+impl<F: Factors> Sum<'_, F> {
+    #[inline(always)]
+    unsafe fn fixed<S: Simd, const TERMS: usize>(&mut self) {
+        let channels = self.maps.shape.channels;
+        let values: [&[f32]; TERMS] = std::array::from_fn(|t| self.run.values(self.maps, &self.run.terms[t]));
+        let distance = self.run.term_step * self.maps.stride;
+        for c in (0..channels).step_by(S::LANES) {
+            // SAFETY: there are more than `c` channels; the caller vouches for the instruction set
+            unsafe {
+                let mut factors = [S::splat(0.0); TERMS];
+                for t in 0..TERMS {
+                    factors[t] = self.factors.load(&self.run.terms[t], c);
+                }
+                for p in 0..self.run.pixels {
+                    let out = &mut self.out[p * self.run.step * self.stride..][..channels];
+                    let mut sum = if self.accumulate { load::<S>(out, c) } else { S::splat(0.0) };
+                    for t in 0..TERMS {
+                        sum = load::<S>(&values[t][p * distance..][..channels], c).fma(factors[t], sum);
+                    }
+                    store(sum, out, c);
+                }
+            }
+        }
+    }
+
+    #[inline(always)]
+    unsafe fn any<S: Simd>(&mut self) {
+        let channels = self.maps.shape.channels;
+        let distance = self.run.term_step * self.maps.stride;
+        for p in 0..self.run.pixels {
+            let out = &mut self.out[p * self.run.step * self.stride..][..channels];
+            for c in (0..channels).step_by(S::LANES) {
+                // SAFETY: there are more than `c` channels; the caller vouches for the instruction set
+                unsafe {
+                    let mut sum = if self.accumulate { load::<S>(out, c) } else { S::splat(0.0) };
+                    for term in self.run.terms {
+                        let values = &self.run.values(self.maps, term)[p * distance..][..channels];
+                        sum = load::<S>(values, c).fma(self.factors.load(term, c), sum);
+                    }
+                    store(sum, out, c);
+                }
+            }
+        }
+    }
+}
