@@ -12,17 +12,19 @@ mod slices;
 mod stencil;
 mod tile;
 mod training;
+mod transpose;
 
 pub use buffer::Buffer;
 pub use conv::Conv;
 pub use map::{Pad, Shape, View, ViewMut, Window};
 pub use matmul::{Mat, matmul, matmul_with};
-pub use product::{Start, product, product_with, transpose};
+pub use product::{Start, product, product_with};
 pub use simd::{Isa, IsaError, check_isa, isa};
 pub(crate) use slices::per_isa;
-pub use slices::{add_rows, inverse, inverse_root, sigmoid, sum_of_squares, tanh, times};
+pub use slices::{add_rows, inverse, inverse_root, products, sigmoid, sum_of_squares, tanh, times};
 pub use stencil::{Depthwise, average_pool, max_pool};
 pub use training::{
     NormGradient, Normalization, Scratch, TrainableConv, TrainableDepthwise, average_pool_gradient, max_pool_gradient,
     max_pool_with_winners, statistics,
 };
+pub use transpose::transpose;

@@ -240,24 +240,6 @@ tiles! {
     plain_2p = Plain, 6, 2, false;
 }
 
-/// Writes the transpose of `from` (rows × columns, row-major) to `to` (columns × rows, row-major).
-///
-/// # Panics
-/// If a slice is shorter than its shape says.
-pub fn transpose(rows: usize, columns: usize, from: &[f32], to: &mut [f32]) {
-    // as many as the floats of a cache line, so that lines are filled at once
-    const SIDE: usize = 16;
-    let (from, to) = (&from[..rows * columns], &mut to[..rows * columns]);
-    for r0 in (0..rows).step_by(SIDE) {
-        let r1 = rows.min(r0 + SIDE);
-        for c in 0..columns {
-            for (r, to) in (r0..r1).zip(&mut to[c * rows + r0..]) {
-                *to = from[r * columns + c];
-            }
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -297,15 +279,6 @@ mod tests {
                 product_with(isa, m, n, k, a, &b, n + gap, start, &mut c);
                 prop_assert_eq!(bits(&c), bits(&expected), "{:?}", isa);
             }
-        }
-
-        #[test]
-        fn a_transpose_of_a_transpose_is_the_matrix(rows in 1usize..50, columns in 1usize..50) {
-            let (from, mut there, mut back) = (values(rows * columns, 5), vec![0.0; rows * columns], vec![0.0; rows * columns]);
-            transpose(rows, columns, &from, &mut there);
-            prop_assert_eq!(there[(columns - 1) * rows], from[columns - 1]);
-            transpose(columns, rows, &there, &mut back);
-            prop_assert_eq!(from, back);
         }
     }
 

@@ -53,6 +53,13 @@ per_isa! {
         }
     }
 
+    /// Writes the products of two slices, element by element.
+    pub fn products(to: &mut [f32], a: &[f32], b: &[f32]) {
+        for ((to, a), b) in to.iter_mut().zip(a).zip(b) {
+            *to = a * b;
+        }
+    }
+
     /// Multiplies each element by a factor of its own.
     pub fn times(values: &mut [f32], factors: &[f32]) {
         for (x, factor) in values.iter_mut().zip(factors) {

@@ -8,7 +8,7 @@ use super::engine::{Engine, Group, Place, TensorMut};
 use super::head::Job;
 use super::{Error, TrainingData, draws};
 use crate::config::spec::Activation;
-use crate::kernel::{Buffer, Mat, Start, add_rows, isa, product, times, transpose};
+use crate::kernel::{Buffer, Mat, Start, add_rows, isa, product, products, times, transpose};
 use crate::network::{Coding, Head, Part, activate, mean_loss, read, scaled_gradient, times_slope, with_given};
 use crate::store::Hash;
 
@@ -103,8 +103,7 @@ impl Layer {
         self.mask.resize(self.activations.len());
         self.dropped.resize(self.activations.len());
         draws::fill_dropout_mask(seed, place, layer, self.dropout, &mut self.mask);
-        self.dropped.copy_from_slice(&self.activations);
-        times(isa(), &mut self.dropped, &self.mask);
+        products(isa(), &mut self.dropped, &self.activations, &self.mask);
     }
 
     /// What the next layer sees of `n` rows in training.

@@ -1,9 +1,12 @@
 //! Seconds per epoch of training a head on stored features, alone and beside another one.
 //!
 //! `cargo run --release --example head_speed -- [--engine fused|candle] [--threads N] [--epochs N] [--rows N] [--dim N]
-//! [--layers N] [--units N] [--batch N] [--activation relu|sigmoid|tanh] [--dropout SHARE]`
+//! [--layers N] [--units N] [--batch N] [--activation relu|sigmoid|tanh] [--dropout SHARE] [--record FOLDER]`
+//!
+//! With `--record`, steps and states are written as a run does it.
 
 use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use panotune::config::spec::{LabelCoding, NetworkSpec, SamplingSpec, TrainSpec};
@@ -36,25 +39,26 @@ fn main() {
     let network: NetworkSpec = serde_json::from_value(network).expect("a network");
     let train: TrainSpec = serde_json::from_value(train).expect("a training");
     let data = data(rows as u32, dim);
-    let best: Vec<f64> = std::thread::scope(|scope| {
-        let trials: Vec<_> = (0..number("--threads", "1"))
-            .map(|i| {
-                scope.spawn({
-                    let (network, train, data) = (&network, &train, &data);
-                    move || epochs(network, train, data, i as u64)
-                })
-            })
-            .collect();
+    let record = options.get("--record").map(PathBuf::from);
+    let seconds: Vec<f64> = std::thread::scope(|scope| {
+        let (network, train, data) = (&network, &train, &data);
+        let trial = |i| {
+            let folder = record.as_ref().map(|folder| folder.join(format!("{i}")));
+            scope.spawn(move || epochs(network, train, data, i, folder.as_deref()))
+        };
+        let trials: Vec<_> = (0..number("--threads", "1") as u64).map(trial).collect();
         trials.into_iter().map(|t| t.join().expect("a trial")).collect()
     });
-    println!("{}", serde_json::json!({ "seconds_per_epoch": best }));
+    println!("{}", serde_json::json!({ "seconds_per_epoch": seconds }));
 }
 
 /// Median seconds of an epoch, its validation included.
-fn epochs(network: &NetworkSpec, train: &TrainSpec, data: &TrainingData, seed: u64) -> f64 {
+fn epochs(network: &NetworkSpec, train: &TrainSpec, data: &TrainingData, seed: u64, folder: Option<&Path>) -> f64 {
     let range = |low, high| SamplingSpec { low, high, step: None };
     let coding = Coding::new(LabelCoding::Raw, &range(50.0, 500.0), &range(0.0, 1.2));
-    let job = Job { network, train, coding: &coding, data, seed, checkpoint: None, steps: Steps::Off };
+    let chain = folder.map(|folder| folder.join("steps.chain"));
+    let steps = chain.as_deref().map_or(Steps::Off, Steps::To);
+    let job = Job { network, train, coding: &coding, data, seed, checkpoint: folder, steps };
     let mut times = vec![Instant::now()];
     let mut observer = |_: &EpochRecord| {
         times.push(Instant::now());
