@@ -22,6 +22,7 @@ pub(super) struct Inputs<'a> {
     kind: Kind,
 }
 
+#[allow(clippy::large_enum_variant)] // made once
 enum Kind {
     Features { features: Made<FeatureSet>, backbone: Backbone },
     Maps { maps: Made<FeatureSet>, weights: WeightsSource },

@@ -27,6 +27,7 @@ pub(super) struct Training<'a> {
 }
 
 /// On what networks are trained.
+#[allow(clippy::large_enum_variant)] // made once
 pub(super) enum Material<'a> {
     /// Heads, on features that are computed once.
     Features { data: TrainingData, features: &'a FeatureSet, backbone: &'a Backbone },

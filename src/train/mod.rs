@@ -129,7 +129,7 @@ pub enum Error {
     },
     /// Weights that do not fit.
     #[error(transparent)]
-    Backbone(#[from] backbone::Error),
+    Backbone(Box<backbone::Error>),
     /// Trained weights could not be written as a file; a bug.
     #[error("the trained weights cannot be written: {0}")]
     Export(String),
@@ -153,6 +153,12 @@ impl Error {
     /// A key that cannot be written as JSON; a bug.
     fn serialise(source: serde_json::Error) -> Self {
         Error::Store(store::Error::Serialise { path: PathBuf::from("training"), source })
+    }
+}
+
+impl From<backbone::Error> for Error {
+    fn from(e: backbone::Error) -> Self {
+        Error::Backbone(Box::new(e))
     }
 }
 

@@ -36,7 +36,7 @@ fn extraction((name, architecture, input_px, tap): (&str, Architecture, u32, &st
     let make = move || {
         let backbone = Backbone::load(&spec, WeightsSource::Seeded { seed: 1 }).unwrap_or_else(|e| panic!("{e}"));
         let bytes = BATCH * input_px as usize * input_px as usize * 3;
-        let images: Vec<u8> = (0..bytes).map(|i| (i * 0x9e37_79b1 >> 7) as u8).collect();
+        let images: Vec<u8> = (0..bytes).map(|i| ((i * 0x9e37_79b1) >> 7) as u8).collect();
         let multiply_adds = (BATCH as u64 * backbone.multiply_adds()) as f64;
         let work = move || drop(std::hint::black_box(backbone.features(&images, BATCH)));
         harness::Prepared { work: Box::new(work), multiply_adds: Some(multiply_adds) }

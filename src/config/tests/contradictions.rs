@@ -106,7 +106,11 @@ fn contradictions_that_rules_find() {
             "study.yaml:2:18: `backbone.tune: last:2` would train on top of random blocks that stay random",
             "tune: full",
         ),
-        ("kind: pretraining\nseed: 1\n", "study.yaml:1:7: `backbone.tune: frozen` leaves a pretraining nothing to train, or only a part", "tune: full"),
+        (
+            "kind: pretraining\nseed: 1\n",
+            "study.yaml:1:7: `backbone.tune: frozen` leaves a pretraining nothing to train, or only a part",
+            "tune: full",
+        ),
         (
             "kind: pretraining\nseed: 1\nbackbone: {tune: full}\nnetwork: {kind: dual_net}\n",
             "study.yaml:4:17: a pretraining trains one backbone, and `network.kind: dual_net` has two",

@@ -86,8 +86,8 @@ impl<F: Factors> Sum<'_, F> {
             // SAFETY: there are more than `c` channels; the caller vouches for the instruction set
             unsafe {
                 let mut factors = [S::splat(0.0); TERMS];
-                for t in 0..TERMS {
-                    factors[t] = self.factors.load(&self.run.terms[t], c);
+                for (factor, term) in factors.iter_mut().zip(self.run.terms) {
+                    *factor = self.factors.load(term, c);
                 }
                 for p in 0..self.run.pixels {
                     let out = &mut self.out[p * self.run.step * self.stride..][..channels];
