@@ -2,12 +2,10 @@
 
 use super::buffer::Buffer;
 use super::map::{Reader, View, ViewMut, Window};
+use super::pieces::{Piece, pieces};
 use super::simd::{Isa, isa};
 use super::tile::{Tile, panels, tile_fn, tile_rows};
 
-/// Depth of a block of weights, chosen so that its widest panel stays in the second-level cache, from where it is read as fast
-/// as it is needed; the deeper, the seldomer sums are put aside.
-const DEPTH: usize = 1024;
 /// Output pixels that share one pass over the weights, a multiple of every tile's rows.
 const PIXELS: usize = 192;
 
@@ -110,26 +108,6 @@ impl Conv {
             (0..runs).for_each(|run| table[at(p, run)] = table[at(pixels - 1, run)]);
         }
     }
-}
-
-/// A part of the window that one pass sums over.
-struct Piece {
-    run: usize,
-    runs: usize,
-    offset: usize,
-    len: usize,
-}
-
-/// Cuts `runs` runs of `len` floats into pieces of about [`DEPTH`], in order.
-fn pieces(runs: usize, len: usize) -> Vec<Piece> {
-    if len <= DEPTH {
-        let step = DEPTH / len;
-        return (0..runs).step_by(step).map(|run| Piece { run, runs: step.min(runs - run), offset: 0, len }).collect();
-    }
-    let step = len.div_ceil(len.div_ceil(DEPTH));
-    let cut =
-        |run| (0..len).step_by(step).map(move |offset| Piece { run, runs: 1, offset, len: step.min(len - offset) });
-    (0..runs).flat_map(cut).collect()
 }
 
 /// Some output pixels and where their windows are read.

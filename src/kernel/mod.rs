@@ -6,6 +6,7 @@ mod conv;
 mod dispatch;
 mod map;
 mod matmul;
+mod pieces;
 mod product;
 mod simd;
 mod slices;

@@ -7,9 +7,8 @@ use super::matmul::Mat;
 use super::simd::{Isa, Plain, Simd, isa};
 #[cfg(target_arch = "x86_64")]
 use super::simd::{Ymm, Zmm};
+use super::tile::{most_vectors, tile_rows};
 
-/// Most rows of a tile.
-const MAX_ROWS: usize = 8;
 /// Depth of a block: as deep as its part of the right factor stays in the first-level cache even if rows of that
 /// are a multiple of 512 bytes apart, and so share few of its sets.
 const DEPTH: usize = 64;
@@ -106,22 +105,6 @@ fn panels(isa: Isa, columns: usize) -> impl Iterator<Item = (usize, usize, usize
         let width = widest.min(columns - first);
         (first, width, width.div_ceil(isa.lanes()))
     })
-}
-
-/// Rows of a tile.
-fn tile_rows(isa: Isa) -> usize {
-    match isa {
-        Isa::Avx512 => MAX_ROWS,
-        Isa::Avx2 | Isa::Portable => 6,
-    }
-}
-
-/// Vectors of the widest panel: as many as leave a register for the left factor.
-fn most_vectors(isa: Isa) -> usize {
-    match isa {
-        Isa::Avx512 => 3,
-        Isa::Avx2 | Isa::Portable => 2,
-    }
 }
 
 /// A few outputs: `out[r][j] = from[r][j] + Σ_l a[r][l] · b[l][j]`, summed in order of l.

@@ -58,7 +58,7 @@ pub(super) fn tile_rows(isa: Isa) -> usize {
 }
 
 /// Vectors of the widest panel: as many as leave a register for the left factor.
-fn most_vectors(isa: Isa) -> usize {
+pub(super) fn most_vectors(isa: Isa) -> usize {
     match isa {
         Isa::Avx512 => 3,
         Isa::Avx2 | Isa::Portable => 2,

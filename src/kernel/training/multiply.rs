@@ -7,12 +7,10 @@ use rayon::prelude::*;
 use super::windows::{Phase, Place, Windows};
 use crate::kernel::buffer::Buffer;
 use crate::kernel::map::ViewMut;
+use crate::kernel::pieces::{Piece, pieces};
 use crate::kernel::simd::Isa;
 use crate::kernel::tile::{Tile, panels, tile_fn, tile_rows};
 
-/// Depth of a block of weights: its widest panel stays in the second-level cache, from where it is read as fast as it is
-/// needed; the deeper, the seldomer sums are put aside.
-const DEPTH: usize = 1024;
 /// Pixels that share one pass over the weights, a multiple of every tile's rows.
 const PIXELS: usize = 192;
 /// Tasks for each thread, if there is enough to do: a compromise between evenness and the cost of tasks.
@@ -115,29 +113,6 @@ pub(super) fn multiply(windows: &Windows, outside: &[f32], weights: &Packed, mut
     (0..blocks * groups.len())
         .into_par_iter()
         .for_each(|i| task.run(i / groups.len() * PIXELS, groups[i % groups.len()]));
-}
-
-/// A part of the window that one pass sums over.
-struct Piece {
-    run: usize,
-    runs: usize,
-    offset: usize,
-    len: usize,
-}
-
-/// Cuts `runs` runs of `len` floats into pieces of about [`DEPTH`], in order; at least one, which ends a sum of nothing.
-fn pieces(runs: usize, len: usize) -> Vec<Piece> {
-    if runs == 0 {
-        return vec![Piece { run: 0, runs: 0, offset: 0, len }];
-    }
-    if len <= DEPTH {
-        let step = DEPTH / len;
-        return (0..runs).step_by(step).map(|run| Piece { run, runs: step.min(runs - run), offset: 0, len }).collect();
-    }
-    let step = len.div_ceil(len.div_ceil(DEPTH));
-    let cut =
-        |run| (0..len).step_by(step).map(move |offset| Piece { run, runs: 1, offset, len: step.min(len - offset) });
-    (0..runs).flat_map(cut).collect()
 }
 
 struct Task<'a> {
