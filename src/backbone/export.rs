@@ -1,38 +1,8 @@
 //! Trained layers as a weights file, in half precision.
 
-use half::f16;
-use safetensors::{Dtype, View};
-use std::borrow::Cow;
-
 use super::graph::Layer;
 use super::parameters::Parameters;
-
-/// A tensor on its way to a file.
-struct Half {
-    shape: Vec<usize>,
-    bytes: Vec<u8>,
-}
-
-impl Half {
-    fn new(shape: Vec<usize>, values: &[f32]) -> Self {
-        Self { shape, bytes: values.iter().flat_map(|v| f16::from_f32(*v).to_le_bytes()).collect() }
-    }
-}
-
-impl View for Half {
-    fn dtype(&self) -> Dtype {
-        Dtype::F16
-    }
-    fn shape(&self) -> &[usize] {
-        &self.shape
-    }
-    fn data(&self) -> Cow<'_, [u8]> {
-        Cow::Borrowed(&self.bytes)
-    }
-    fn data_len(&self) -> usize {
-        self.bytes.len()
-    }
-}
+use crate::store::TensorBytes;
 
 /// The bytes of a safetensors file with `layers` in float16, rounded to nearest: torchvision's names and shapes.
 ///
@@ -50,13 +20,15 @@ pub(super) fn weights_file(layers: &[(&Layer, Parameters)]) -> Result<Vec<u8>, s
             (mean, &norm.mean),
             (variance, &norm.variance),
         ]
-        .map(|((name, shape), values)| (name, Half::new(shape, values)))
+        .map(|((name, shape), values)| (name, TensorBytes::half(shape, values)))
     });
     safetensors::serialize(tensors.collect::<Vec<_>>(), None)
 }
 
 #[cfg(test)]
 mod tests {
+    use half::f16;
+
     use super::super::tensors::TensorFile;
     use super::super::{Variant, graph_of};
     use super::*;

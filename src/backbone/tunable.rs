@@ -220,6 +220,11 @@ impl Tunable {
         export::weights_file(&layers)
     }
 
+    /// The block with which it ends.
+    pub(crate) fn last_block(&self) -> Option<&str> {
+        self.trunk.graph.taps.iter().max_by_key(|t| t.steps).map(|t| t.name.as_str())
+    }
+
     /// How this network differs from others of its architecture.
     pub(crate) fn variant(&self) -> &Variant {
         &self.variant

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use candle_core::{Device, Tensor};
 
-use super::part::Part;
+use super::part::{Part, together};
 use super::{Coding, Error, Head, Standardisation};
 use crate::config::spec::NetworkSpec;
 
@@ -64,18 +64,12 @@ impl Estimator {
 
     /// As [`predict`](Self::predict), where each head has features of its own.
     pub(crate) fn predict_each(&self, features: &[&[f32]]) -> Result<Vec<[f32; 2]>, Error> {
-        let mut outputs = Vec::new();
-        for (head, features) in self.heads.iter().zip(features) {
-            let rows = head.standardised(features)?;
-            outputs.resize(rows.len() / head.inputs(), [0.0; 2]);
-            let given: Vec<f32> = outputs.iter().map(|o| o[0]).collect();
-            let x = with_given(&rows, head.inputs(), (head.part().given() > 0).then_some(&given[..]))?;
-            let range = head.part().outputs();
-            for (to, from) in outputs.iter_mut().zip(head.predict_standardised(&x)?.chunks_exact(range.len())) {
-                to[range.clone()].copy_from_slice(from);
-            }
-        }
-        Ok(outputs)
+        let rows = self.heads.iter().zip(features).map(|(head, features)| head.standardised(features));
+        let rows: Vec<Vec<f32>> = rows.collect::<Result<_, _>>()?;
+        let n = rows.first().map_or(0, |rows| rows.len() / self.inputs());
+        together(self.heads.iter().map(Head::part), n, |i, given| {
+            self.heads[i].predict_standardised(&with_given(&rows[i], self.inputs(), given)?)
+        })
     }
 
     /// f (px) and ξ for each row of `features` (row-major, not standardised).

@@ -1,18 +1,17 @@
 //! A network's file: safetensors with weights, standardisation and, as metadata, what they mean.
 
-use std::borrow::Cow;
 use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use safetensors::{Dtype, SafeTensors, View};
+use safetensors::{Dtype, SafeTensors};
 use serde::{Deserialize, Serialize};
 
 use super::dense::read;
 use super::part::Part;
 use super::{Coding, Error, Estimator, Projection, Standardisation};
 use crate::config::spec::NetworkSpec;
-use crate::store;
+use crate::store::{self, TensorBytes};
 
 const FORMAT: u32 = 1;
 const DESCRIPTION: &str = "panotune";
@@ -43,33 +42,6 @@ impl Description {
     }
 }
 
-/// One tensor on its way to a file.
-struct Plain {
-    shape: Vec<usize>,
-    bytes: Vec<u8>,
-}
-
-impl Plain {
-    fn new(shape: Vec<usize>, values: &[f32]) -> Self {
-        Self { shape, bytes: values.iter().flat_map(|v| v.to_le_bytes()).collect() }
-    }
-}
-
-impl View for Plain {
-    fn dtype(&self) -> Dtype {
-        Dtype::F32
-    }
-    fn shape(&self) -> &[usize] {
-        &self.shape
-    }
-    fn data(&self) -> Cow<'_, [u8]> {
-        Cow::Borrowed(&self.bytes)
-    }
-    fn data_len(&self) -> usize {
-        self.bytes.len()
-    }
-}
-
 impl Projection {
     /// Writes mean, standard deviation and directions to `path` as safetensors.
     ///
@@ -78,9 +50,9 @@ impl Projection {
     pub fn save(&self, path: &Path) -> Result<(), Error> {
         let dim = self.standardisation().dim();
         let tensors = [
-            (MEAN, Plain::new(vec![dim], self.standardisation().mean())),
-            (SD, Plain::new(vec![dim], self.standardisation().sd())),
-            (DIRECTIONS, Plain::new(vec![dim, self.components()], self.directions())),
+            (MEAN, TensorBytes::single(vec![dim], self.standardisation().mean())),
+            (SD, TensorBytes::single(vec![dim], self.standardisation().sd())),
+            (DIRECTIONS, TensorBytes::single(vec![dim, self.components()], self.directions())),
         ];
         let file = |e: safetensors::SafeTensorError| Error::File { path: path.to_owned(), reason: e.to_string() };
         Ok(store::write(path, &safetensors::serialize(tensors, None).map_err(file)?)?)
@@ -108,17 +80,17 @@ impl Estimator {
         Ok(store::write(path, &bytes)?)
     }
 
-    fn tensors(&self) -> Result<Vec<(String, Plain)>, Error> {
+    fn tensors(&self) -> Result<Vec<(String, TensorBytes)>, Error> {
         let dim = vec![self.inputs()];
         let mut tensors = Vec::new();
         // one for all
         if let Some(head) = self.heads.first() {
-            tensors.push((MEAN.to_owned(), Plain::new(dim.clone(), head.standardisation.mean())));
-            tensors.push((SD.to_owned(), Plain::new(dim, head.standardisation.sd())));
+            tensors.push((MEAN.to_owned(), TensorBytes::single(dim.clone(), head.standardisation.mean())));
+            tensors.push((SD.to_owned(), TensorBytes::single(dim, head.standardisation.sd())));
         }
         for layer in self.heads.iter().flat_map(|h| &h.layers) {
             for (part, variable) in [("weight", &layer.weight), ("bias", &layer.bias)] {
-                let tensor = read(variable, |v| Plain::new(variable.dims().to_vec(), v))?;
+                let tensor = read(variable, |v| TensorBytes::single(variable.dims().to_vec(), v))?;
                 tensors.push((format!("{}.{part}", layer.name), tensor));
             }
         }
@@ -226,7 +198,7 @@ mod tests {
         assert!(matches!(Estimator::load(&path), Err(Error::File { .. })));
 
         let (_, header) = SafeTensors::read_metadata(&bytes).unwrap();
-        let rewrite = |tensors: Vec<(String, Plain)>| {
+        let rewrite = |tensors: Vec<(String, TensorBytes)>| {
             let bytes = safetensors::serialize(tensors, header.metadata().clone()).unwrap();
             store::write(&path, &bytes).unwrap();
             match Estimator::load(&path) {
@@ -242,10 +214,10 @@ mod tests {
         tensors.pop();
         assert_eq!(rewrite(tensors), "output.bias is missing");
         let mut tensors = head.tensors().unwrap();
-        tensors.push(("layer1.bias".to_owned(), Plain::new(vec![1], &[0.0])));
+        tensors.push(("layer1.bias".to_owned(), TensorBytes::single(vec![1], &[0.0])));
         assert_eq!(rewrite(tensors), "layer1.bias belongs to no layer");
         let mut tensors = head.tensors().unwrap();
-        tensors[3].1 = Plain::new(vec![1, 3], &[0.0; 3]);
+        tensors[3].1 = TensorBytes::single(vec![1, 3], &[0.0; 3]);
         assert_eq!(rewrite(tensors), "layer0.bias is F32 [1, 3] instead of F32 [3]");
     }
 }

@@ -29,7 +29,7 @@ pub(crate) use dense::{Gradient, read, values};
 pub(crate) use estimator::with_given;
 pub(crate) use head::{Head, Layer};
 pub(crate) use loss::{LossOp, scaled_gradient};
-pub(crate) use part::Part;
+pub(crate) use part::{Part, together};
 
 use std::path::PathBuf;
 

@@ -62,3 +62,22 @@ impl Part {
         }
     }
 }
+
+/// The two outputs of each of `rows` rows, put together from those of `parts`: `outputs` gives a part's, by its number, one
+/// row after the other, and is told the first part's outputs where that part takes them.
+pub(crate) fn together<E>(
+    parts: impl Iterator<Item = Part>,
+    rows: usize,
+    mut outputs: impl FnMut(usize, Option<&[f32]>) -> Result<Vec<f32>, E>,
+) -> Result<Vec<[f32; 2]>, E> {
+    let mut all = vec![[0.0; 2]; rows];
+    for (i, part) in parts.enumerate() {
+        let given: Vec<f32> = all.iter().map(|o| o[0]).collect();
+        let own = outputs(i, (part.given() > 0).then_some(&given[..]))?;
+        let range = part.outputs();
+        for (to, from) in all.iter_mut().zip(own.chunks_exact(range.len())) {
+            to[range.clone()].copy_from_slice(from);
+        }
+    }
+    Ok(all)
+}

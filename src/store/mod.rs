@@ -11,6 +11,7 @@ mod log;
 mod presence;
 mod run_folder;
 mod shared_log;
+mod tensor;
 
 pub use appender::Appender;
 pub use artefact::{Artefact, ArtefactWriter, Cache};
@@ -20,6 +21,7 @@ pub use log::AppendLog;
 pub use presence::Presence;
 pub use run_folder::{Opened, RunFolder, SUMS};
 pub use shared_log::{SharedLog, SharedLogGuard, unique_word};
+pub use tensor::TensorBytes;
 
 use std::path::PathBuf;
 

@@ -3,7 +3,7 @@
 use super::Error;
 use super::engine::{Engine, Place, TensorMut};
 use crate::config::spec::NetworkKind;
-use crate::network::{Coding, Part};
+use crate::network::{Coding, Part, together};
 use crate::store::{Hash, hash_json};
 
 /// All networks of one estimate. Each sees the same rows at the same time; the loss is the mean over both outputs.
@@ -55,13 +55,7 @@ impl<E: Engine> Engine for Parts<E> {
     }
 
     fn tensors(&mut self, visit: &mut dyn FnMut(TensorMut<'_>)) -> Result<(), Error> {
-        if let [one] = &mut self.engines[..] {
-            return one.tensors(visit);
-        }
-        // the networks' tensors are called alike
-        self.engines.iter_mut().enumerate().try_for_each(|(i, engine)| {
-            engine.tensors(&mut |tensor| visit(TensorMut { name: &format!("{i}/{}", tensor.name), ..tensor }))
-        })
+        self.engines.iter_mut().try_for_each(|engine| engine.tensors(visit))
     }
 
     fn updates(&mut self, visit: &mut dyn FnMut(TensorMut<'_>)) -> Result<(), Error> {
@@ -82,16 +76,8 @@ impl<E: Engine> Engine for Parts<E> {
     }
 
     fn outputs(&mut self, _: Option<&[f32]>) -> Result<Vec<f32>, Error> {
-        let mut outputs = vec![[0.0; 2]; self.validation_labels().len()];
-        for (part, engine) in self.parts.iter().zip(&mut self.engines) {
-            let given: Vec<f32> = outputs.iter().map(|o| o[0]).collect();
-            let own = engine.outputs((part.given() > 0).then_some(&given[..]))?;
-            let range = part.outputs();
-            for (to, from) in outputs.iter_mut().zip(own.chunks_exact(range.len())) {
-                to[range.clone()].copy_from_slice(from);
-            }
-        }
-        Ok(outputs.into_flattened())
+        let (parts, rows) = (self.parts.iter().copied(), self.validation_labels().len());
+        Ok(together(parts, rows, |i, given| self.engines[i].outputs(given))?.into_flattened())
     }
 
     fn validation_labels(&self) -> &[(f64, f64)] {

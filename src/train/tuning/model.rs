@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
-use safetensors::tensor::TensorView;
 use safetensors::{Dtype, SafeTensors};
 
 use super::operation::{Shared, lock};
@@ -11,7 +10,7 @@ use crate::backbone::{Fill, Tunable, Variant, WeightsSource};
 use crate::config::spec::BackboneSpec;
 use crate::features::FeatureRow;
 use crate::network::{Estimator, Head};
-use crate::store;
+use crate::store::{self, TensorBytes};
 use crate::train::Error;
 
 /// Name of the trained layers' parameters in a file, and of their running statistics.
@@ -55,22 +54,16 @@ impl TunedNetwork {
     /// # Errors
     /// Those of the disk.
     pub fn save(&self, path: &Path) -> Result<(), Error> {
-        let mut values = Vec::new();
+        let mut tensors = Vec::new();
         for (own, head) in self.backbones.iter().zip(self.estimator.heads()) {
-            let part = head.part();
             let backbone = lock(&own.backbone);
-            for (name, floats) in TENSORS.into_iter().zip([&own.parameters[..], backbone.running()]) {
-                let bytes: Vec<u8> = floats.iter().flat_map(|v| v.to_le_bytes()).collect();
-                values.push((format!("{}{name}", part.prefix()), floats.len(), bytes));
+            for (name, values) in TENSORS.into_iter().zip([&own.parameters[..], backbone.running()]) {
+                let name = format!("{}{name}", head.part().prefix());
+                tensors.push((name, TensorBytes::single(vec![values.len()], values)));
             }
         }
-        let failed = |e: safetensors::SafeTensorError| Error::Export(e.to_string());
-        let views: Result<Vec<_>, _> = values
-            .iter()
-            .map(|(name, len, bytes)| Ok((name, TensorView::new(Dtype::F32, vec![*len], bytes)?)))
-            .collect();
-        let views = views.map_err(failed)?;
-        store::write(&layers_path(path), &safetensors::serialize(views, None).map_err(failed)?)?;
+        let file = safetensors::serialize(tensors, None).map_err(|e| Error::Export(e.to_string()))?;
+        store::write(&layers_path(path), &file)?;
         Ok(self.estimator.save(path)?)
     }
 
@@ -104,11 +97,12 @@ impl TunedNetwork {
         Ok(Self { backbones, estimator })
     }
 
-    /// Rounds the trained layers to half precision, and writes those of the first backbone to `path` as a weights file.
+    /// Rounds the trained layers to half precision, and writes those of the first backbone to `path` as a weights file;
+    /// its variant, and the last block that it holds.
     ///
     /// # Errors
     /// Those of the disk.
-    pub fn export(&mut self, path: &Path) -> Result<Variant, Error> {
+    pub fn export(&mut self, path: &Path) -> Result<(Variant, Option<String>), Error> {
         let Some(own) = self.backbones.first_mut() else {
             return Err(Error::Export("there is no backbone".to_owned()));
         };
@@ -117,7 +111,7 @@ impl TunedNetwork {
         let halved = |values: &mut [f32]| values.iter_mut().for_each(|v| *v = half::f16::from_f32(*v).to_f32());
         halved(&mut own.parameters);
         halved(backbone.running_mut());
-        Ok(backbone.variant().clone())
+        Ok((backbone.variant().clone(), backbone.last_block().map(str::to_owned)))
     }
 }
 
