@@ -112,11 +112,7 @@ impl<'a> Inputs<'a> {
                 Material::Views { backbone, weights: weights.clone(), data, images }
             }
         };
-        Ok(Training { coding: coding(spec), material })
+        let coding = Coding::new(spec.network.labels, &spec.dataset.focal_px, &spec.dataset.distortion);
+        Ok(Training { coding, material })
     }
-}
-
-/// What the two outputs of an experiment's networks stand for.
-pub(super) fn coding(spec: &Experiment) -> Coding {
-    Coding::new(spec.network.labels, &spec.dataset.focal_px, &spec.dataset.distortion)
 }

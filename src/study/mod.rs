@@ -32,7 +32,7 @@ pub use weights::{install_weights, list_weights};
 use std::path::{Path, PathBuf};
 
 use crate::config::LoadedExperiment;
-use crate::config::spec::Kind;
+use crate::config::spec::{Experiment, Kind};
 use crate::kernel;
 use crate::pipeline::events::Events;
 use crate::pipeline::progress::Progress;
@@ -40,7 +40,7 @@ use crate::provenance::Provenance;
 use crate::store::{self, Opened, RunFolder, write_json};
 
 use inputs::Inputs;
-use stages::Stages;
+use stages::{Stages, Views};
 
 /// What is not part of an experiment: where things are, and how many hands there are.
 #[derive(Debug, Clone)]
@@ -91,7 +91,6 @@ pub fn run(experiment: &LoadedExperiment, options: &Options, progress: &dyn Prog
         Opened::Finished(folder) => Ok(Finished { folder, already: true }),
         Opened::Busy(folder) => Err(Error::Busy { folder }),
         Opened::Unfinished(folder) => {
-            let execute = if spec.kind == Kind::Pretraining { pretrain::execute } else { execute };
             let path = execute(experiment, options, folder, progress)?;
             Ok(Finished { folder: path, already: false })
         }
@@ -110,23 +109,39 @@ fn execute(
     describe_run(experiment, options, &folder)?;
 
     let stages = Stages::new(spec, options, &events, progress);
-    let catalogue = stages.panoramas()?;
-    let dataset = stages.dataset(&catalogue)?;
-    let spectra = stages.spectra(&dataset)?;
+    let views = stages.views()?;
+    let exact = match spec.kind {
+        Kind::Pretraining => pretrain::execute(spec, options, &folder, &stages, &views)?,
+        _ => study(spec, options, &folder, &stages, &views)?,
+    };
+    outputs::write_durations(&folder)?;
+    events.tell("run_finished", &serde_json::json!({ "run": folder.path() }))?;
+    store::remove_dir(&folder.join("checkpoints"))?;
+    Ok(folder.finish(exact)?)
+}
+
+/// Search, refits, evaluation and output of an experiment; what of it is equal between reruns.
+fn study(
+    spec: &Experiment,
+    options: &Options,
+    folder: &RunFolder,
+    stages: &Stages,
+    Views { catalogue, dataset, spectra }: &Views,
+) -> Result<&'static [&'static str], Error> {
     let views = dataset.value.views();
     let image = |row| stages.network_input(&dataset.value, row);
-    let inputs = Inputs::make(spec, options, &stages, &dataset)?;
+    let inputs = Inputs::make(spec, options, stages, dataset)?;
     let training = inputs.training(spec, views, &image)?;
 
     let rows = training.rows();
     let trials = stages::training_units(spec, spec.search.trials, rows);
-    let searched = stages.timed("study", trials, || trials::search(spec, options, &folder, &training, &stages))?;
+    let searched = stages.timed("study", trials, || trials::search(spec, options, folder, &training, stages))?;
     let refits = stages::training_units(spec, 2 * spec.evaluation.refit_seeds, rows);
     let predictions = stages
-        .timed("refit", refits, || arms::refit(spec, options, &folder, &training, &searched.best, views, &stages))?;
+        .timed("refit", refits, || arms::refit(spec, options, folder, &training, &searched.best, views, stages))?;
 
     stages
-        .timed("evaluation", 1.0, || networks::evaluate(spec, &folder, predictions, &dataset.value, &spectra.value))?;
+        .timed("evaluation", 1.0, || networks::evaluate(spec, folder, predictions, &dataset.value, &spectra.value))?;
     stages.timed("report", 1.0, || {
         let subject = describe::Subject {
             spec,
@@ -136,15 +151,12 @@ fn execute(
             trials: &searched.trials,
             network: &searched.best.0,
         };
-        describe::write(&folder, &subject)?;
-        gallery::write(spec, &folder, &catalogue.value, &dataset.value)?;
-        outputs::write(&folder)
+        describe::write(folder, &subject)?;
+        gallery::write(spec, folder, &catalogue.value, &dataset.value)?;
+        outputs::write(folder)
     })?;
-    outputs::write_durations(&folder)?;
-    inference::measure(&folder, &training, views, &image)?;
-    events.tell("run_finished", &serde_json::json!({ "run": folder.path() }))?;
-    store::remove_dir(&folder.join("checkpoints"))?;
-    Ok(folder.finish(&EXACT)?)
+    inference::measure(folder, &training, views, &image)?;
+    Ok(&EXACT)
 }
 
 fn describe_run(experiment: &LoadedExperiment, options: &Options, folder: &RunFolder) -> Result<(), Error> {

@@ -86,8 +86,7 @@ impl Training<'_> {
         match &self.material {
             Material::Features { data, .. } => {
                 let job = Job { network, train, coding, data, seed, checkpoint, steps };
-                let Fitted { curve, best_epoch, best_objective, stopped, network } = fit(&job, observer, progress)?;
-                let trained = Trained { curve, best_epoch, best_objective, stopped };
+                let Fitted { trained, network } = fit(&job, observer, progress)?;
                 Ok(TrainedNetwork { trained, network: Network::Heads(network) })
             }
             Material::Views { backbone, weights, data, .. } => {
@@ -116,16 +115,15 @@ impl Training<'_> {
             _ => unreachable!("a run's networks are all of one kind"),
         }
     }
-}
 
-impl Training<'_> {
     /// Estimates f and ξ for the views `rows`, whose images are there already: each network of a DualNet or a SeqNet
     /// runs its own backbone, as it would alone.
     pub(super) fn estimate(&self, network: &Network, rows: &[FeatureRow], images: &[Vec<u8>]) -> Result<(), Error> {
         match (network, &self.material) {
             (Network::Heads(heads), Material::Features { features, backbone, .. }) => {
+                let pixels = images.concat();
                 for _ in heads.heads() {
-                    backbone.features(&images.concat(), images.len());
+                    backbone.features(&pixels, images.len());
                 }
                 let row = |row: &FeatureRow| features.rows().iter().position(|r| r == row);
                 let rows: Vec<f32> = rows.iter().filter_map(row).flat_map(|i| features.row(i)).copied().collect();

@@ -42,6 +42,13 @@ pub(super) struct Made<T> {
     pub value: T,
 }
 
+/// The views that a run is about.
+pub(super) struct Views {
+    pub catalogue: Made<Catalogue>,
+    pub dataset: Made<Dataset>,
+    pub spectra: Made<Vec<Vec<f64>>>,
+}
+
 /// Executes stages, or finds them done; tells the log and the listener.
 pub(super) struct Stages<'a> {
     spec: &'a Experiment,
@@ -129,6 +136,14 @@ impl<'a> Stages<'a> {
             return Err(Error::Differs(Box::new(RunDifference::Artefact { stage: stage.to_owned(), recorded, now })));
         }
         Ok(artefact)
+    }
+
+    /// The stages that every run begins with.
+    pub(super) fn views(&self) -> Result<Views, Error> {
+        let catalogue = self.panoramas()?;
+        let dataset = self.dataset(&catalogue)?;
+        let spectra = self.spectra(&dataset)?;
+        Ok(Views { catalogue, dataset, spectra })
     }
 
     /// Generated scenes or images of a folder.

@@ -42,8 +42,7 @@ impl Which {
     pub fn checkpoint(self, run: &Path) -> PathBuf {
         match self {
             Which::Trial(number) => trials::folder(run, number).join("checkpoint"),
-            Which::Refit(..) => run.join("checkpoints").join(self.to_string()),
-            Which::Pretraining => run.join("checkpoint"),
+            Which::Refit(..) | Which::Pretraining => run.join("checkpoints").join(self.to_string()),
         }
     }
 

@@ -91,7 +91,8 @@ fn chain(network: &NetworkSpec, train: &TrainSpec, data: &TrainingData) -> Vec<u
 
 fn bits(fitted: &Fitted) -> Vec<u64> {
     let parameters = fitted.network.parameters().unwrap().into_iter().map(|p| u64::from(p.to_bits()));
-    let curve = fitted.curve.iter().flat_map(|r| [r.train_loss, r.validation_loss, r.mae_f, r.mae_xi, r.objective]);
+    let curve =
+        fitted.trained.curve.iter().flat_map(|r| [r.train_loss, r.validation_loss, r.mae_f, r.mae_xi, r.objective]);
     parameters.chain(curve.map(f64::to_bits)).collect()
 }
 
@@ -101,7 +102,7 @@ fn a_small_set_is_learnt_by_heart() {
     for (optimizer, learning_rate) in [(Optimizer::Adam, 0.01), (Optimizer::Sgd, 0.05)] {
         let train = TrainSpec { optimizer, learning_rate, weight_decay: 0.0, batch_size: 8, ..train(600) };
         let fitted = run(&network(0.0), &train, &data, 1).unwrap();
-        let (first, last) = (fitted.curve[0].train_loss, fitted.curve[599].train_loss);
+        let (first, last) = (fitted.trained.curve[0].train_loss, fitted.trained.curve[599].train_loss);
         assert!(last < 1e-4 && last < first / 100.0, "{optimizer:?}: {first} to {last}");
     }
 }
@@ -110,14 +111,17 @@ fn a_small_set_is_learnt_by_heart() {
 fn validation_improves_and_the_weights_kept_are_those_of_the_best_epoch() {
     let data = toy(200, 2, 12);
     let fitted = run(&network(0.1), &train(40), &data, 1).unwrap();
-    let lowest = fitted.curve.iter().map(|r| r.objective).fold(f64::INFINITY, f64::min);
-    assert_eq!((fitted.best_objective, fitted.curve[fitted.best_epoch as usize].objective), (lowest, lowest));
-    assert!(lowest < 0.5 * fitted.curve[0].objective, "{} to {lowest}", fitted.curve[0].objective);
+    let lowest = fitted.trained.curve.iter().map(|r| r.objective).fold(f64::INFINITY, f64::min);
+    assert_eq!(
+        (fitted.trained.best_objective, fitted.trained.curve[fitted.trained.best_epoch as usize].objective),
+        (lowest, lowest)
+    );
+    assert!(lowest < 0.5 * fitted.trained.curve[0].objective, "{} to {lowest}", fitted.trained.curve[0].objective);
     let outputs = fitted.network.heads()[0].predict_standardised(data.validation()).unwrap();
     let errors =
         outputs.as_chunks().0.iter().zip(data.validation_labels()).map(|(o, l)| (coding().decode(*o).0 - l.0).abs());
     let mae_f = errors.sum::<f64>() / data.validation_rows() as f64;
-    assert_eq!(mae_f, fitted.curve[fitted.best_epoch as usize].mae_f);
+    assert_eq!(mae_f, fitted.trained.curve[fitted.trained.best_epoch as usize].mae_f);
 }
 
 #[test]
@@ -324,7 +328,7 @@ fn patience_ends_a_training_and_an_observer_can_too() {
     let stopping = EarlyStoppingSpec { patience: 3, min_delta: 0.5 };
     let train = TrainSpec { early_stopping: stopping, learning_rate: 1e-8, ..train(50) };
     let fitted = run(&network(0.0), &train, &data, 1).unwrap();
-    assert_eq!((fitted.stopped, fitted.curve.len()), (Stopped::Early, 4));
+    assert_eq!((fitted.trained.stopped, fitted.trained.curve.len()), (Stopped::Early, 4));
 
     let mut prune = |r: &EpochRecord| if r.epoch == 1 { Verdict::Prune } else { Verdict::Continue };
     let network = network(0.0);
@@ -338,7 +342,7 @@ fn patience_ends_a_training_and_an_observer_can_too() {
         steps: Steps::Off,
     };
     let fitted = fit(&job, &mut prune, &Silent).unwrap();
-    assert_eq!((fitted.stopped, fitted.curve.len()), (Stopped::Pruned, 2));
+    assert_eq!((fitted.trained.stopped, fitted.trained.curve.len()), (Stopped::Pruned, 2));
 }
 
 #[test]

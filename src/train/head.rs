@@ -5,10 +5,10 @@ use std::path::Path;
 use super::candle::CandleHead;
 use super::chain::Steps;
 use super::engine::Engine;
-use super::fit::{Observer, Plan, Stopped, Trained, fit_engine};
+use super::fit::{Observer, Plan, Trained, fit_engine};
 use super::fused::FusedHead;
 use super::parts::Parts;
-use super::{EpochRecord, Error, TrainingData};
+use super::{Error, TrainingData};
 use crate::config::spec::{EngineKind, NetworkSpec, TrainSpec};
 use crate::network::{Coding, Estimator, Head, Part};
 use crate::pipeline::progress::Progress;
@@ -45,15 +45,9 @@ impl Job<'_> {
 /// A trained head.
 #[derive(Debug)]
 pub struct Fitted {
-    /// All epochs, in order.
-    pub curve: Vec<EpochRecord>,
-    /// Epoch with the lowest objective on validation, the earliest of equals.
-    pub best_epoch: u32,
-    /// Objective at that epoch.
-    pub best_objective: f64,
-    /// Why training ended.
-    pub stopped: Stopped,
-    /// The network with the weights of that epoch.
+    /// All epochs, and the best of them.
+    pub trained: Trained,
+    /// The network with the weights of the best epoch.
     pub network: Estimator,
 }
 
@@ -89,7 +83,7 @@ fn fit_parts<E: Engine>(
 ) -> Result<Fitted, Error> {
     let mut parts = Parts::new(job.network.kind, make)?;
     let plan = Plan { train: job.train, checkpoint: job.checkpoint, steps: job.steps };
-    let Trained { curve, best_epoch, best_objective, stopped } = fit_engine(&plan, &mut parts, observer, progress)?;
+    let trained = fit_engine(&plan, &mut parts, observer, progress)?;
     let heads = parts.into_engines().into_iter().map(finish).collect::<Result<_, _>>()?;
-    Ok(Fitted { curve, best_epoch, best_objective, stopped, network: Estimator::of(heads) })
+    Ok(Fitted { trained, network: Estimator::of(heads) })
 }

@@ -6,14 +6,13 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::RunDifference;
 use super::record::Record;
-use crate::config::spec::Kind;
 use crate::pipeline::progress::Progress;
 use crate::study::inputs::Inputs;
 use crate::study::networks::{Settings, Training};
 use crate::study::stages::{Epochs, Stages};
 use crate::study::trainings::Which;
 use crate::study::trials::side_by_side;
-use crate::study::{Error, Options, pretrain};
+use crate::study::{Error, Options};
 use crate::train::{self, Chain, EpochRecord, Steps, Verdict};
 
 /// Makes what trainings are trained on, then goes through the `chosen` ones. The first difference is an error: of an
@@ -23,22 +22,8 @@ pub(super) fn compare(record: &Record, chosen: &[Which], options: &Options, stag
     let catalogue = stages.panoramas()?;
     let dataset = stages.dataset(&catalogue)?;
     let image = |row| stages.network_input(&dataset.value, row);
-    if spec.kind == Kind::Pretraining {
-        let training = pretrain::training(spec, options, &dataset, stages, &image)?;
-        return all(record, chosen, options, stages, &training);
-    }
     let inputs = Inputs::make(spec, options, stages, &dataset)?;
     let training = inputs.training(spec, dataset.value.views(), &image)?;
-    all(record, chosen, options, stages, &training)
-}
-
-fn all(
-    record: &Record,
-    chosen: &[Which],
-    options: &Options,
-    stages: &Stages,
-    training: &Training,
-) -> Result<(), Error> {
     let (n, epochs) = (chosen.len(), u64::from(record.spec().train.epochs));
     stages.progress.begin("trainings", n as u64);
     stages.progress.begin("epochs", n as u64 * epochs);
@@ -51,7 +36,7 @@ fn all(
             }
             let epochs = Epochs::new(stages, record.spec().train.epochs);
             let until = Until { epochs: &epochs, first: &first, place };
-            match one(record, chosen[place], training, &until) {
+            match one(record, chosen[place], &training, &until) {
                 Ok(None) => {}
                 Ok(Some(difference)) => first.note(place, difference),
                 // a training that an earlier difference has made needless

@@ -214,6 +214,15 @@ fn a_saved_network_estimates_the_same_and_an_exported_one_nearly() {
 }
 
 #[test]
+fn an_exported_network_ends_with_its_last_block_in_whatever_order_taps_are_named() {
+    let mut case = case(Architecture::MobilenetV1, Tune::Full, "block2");
+    case.backbone.taps = vec!["block2".to_owned(), "block1".to_owned()];
+    let folder = tempfile::tempdir().unwrap();
+    let (_, last_block) = case.whole().network.export(&folder.path().join("half.safetensors")).unwrap();
+    assert_eq!(last_block.as_deref(), Some("block2"));
+}
+
+#[test]
 fn frozen_blocks_and_stored_maps_give_the_features_of_the_whole() {
     // before any training, a backbone cut in two is the whole one
     let case = case(Architecture::Resnet50, Tune::Last(2), "layer1");
