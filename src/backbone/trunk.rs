@@ -9,8 +9,8 @@ use super::parameters::{Norm, Parameters};
 use super::plan::{Plan, PlannedStep, Value};
 use super::pooling::Pooling;
 use crate::kernel::{
-    Buffer, NormGradient, Normalization, Scratch, Shape, TrainableConv, TrainableDepthwise, View, ViewMut, Window,
-    average_pool, average_pool_gradient, isa, max_pool_gradient, max_pool_with_winners, statistics,
+    Buffer, Gate, NormGradient, Normalization, Scratch, Shape, TrainableConv, TrainableDepthwise, View, ViewMut,
+    Window, average_pool, average_pool_gradient, isa, max_pool_gradient, max_pool_with_winners, statistics,
 };
 
 /// Share of a batch's statistics in the running ones after a step; PyTorch's default.
@@ -38,6 +38,9 @@ struct LayerWork {
     mean: Vec<f32>,
     /// 1/√(variance + ε) of each channel of `z`.
     inverse_sd: Vec<f32>,
+    /// The batch norm of the batch as a factor and an offset of each channel of `z`.
+    factor: Vec<f32>,
+    offset: Vec<f32>,
 }
 
 #[derive(Debug)]
@@ -53,7 +56,18 @@ impl LayerWork {
         } else {
             LayerKernel::Dense(TrainableConv::new(layer.window, layer.inputs, layer.outputs))
         };
-        Self { kernel, z: Buffer::default(), mean: vec![0.0; layer.outputs], inverse_sd: vec![0.0; layer.outputs] }
+        let channels = || vec![0.0; layer.outputs];
+        Self {
+            kernel,
+            z: Buffer::default(),
+            mean: channels(),
+            inverse_sd: channels(),
+            factor: channels(),
+            offset: channels(),
+        }
+    }
+    fn normalization(&self, bounds: Option<(f32, f32)>) -> Normalization<'_> {
+        Normalization { scale: &self.factor, shift: &self.offset, bounds }
     }
 }
 
@@ -233,26 +247,25 @@ impl Trunk {
         let z_part = View::new(&z, part, part.channels);
         let mut variance = vec![0.0; part.channels];
         statistics(z_part, &mut self.layers[number].mean, &mut variance, &mut scratch);
-        let (factor, offset) =
-            self.affine(number, &variance, &parameters[span.scale.clone()], &parameters[span.shift.clone()]);
+        self.affine(number, &variance, &parameters[span.scale.clone()], &parameters[span.shift.clone()]);
         let added = step.added.map(|value| self.view(value));
         let y = ViewMut::new(&mut output[step.channel..], part, stride);
-        Normalization { scale: &factor, shift: &offset, bounds }.apply(z_part, added, y);
+        self.layers[number].normalization(bounds).apply(z_part, added, y);
         self.remember(number, &variance, part.pixels());
         self.layers[number].z = z;
         self.scratch = scratch;
     }
 
-    /// The batch norm of a batch as factor and offset of each channel.
-    fn affine(&mut self, number: usize, variance: &[f32], scale: &[f32], shift: &[f32]) -> (Vec<f32>, Vec<f32>) {
-        let LayerWork { mean, inverse_sd, .. } = &mut self.layers[number];
-        let channel = |c: usize| {
+    /// Makes the batch norm of a batch factor and offset of each channel.
+    fn affine(&mut self, number: usize, variance: &[f32], scale: &[f32], shift: &[f32]) {
+        let LayerWork { mean, inverse_sd, factor, offset, .. } = &mut self.layers[number];
+        for c in 0..variance.len() {
             let inverse = 1.0 / (f64::from(variance[c]) + f64::from(self.epsilon)).sqrt();
             inverse_sd[c] = inverse as f32;
-            let factor = f64::from(scale[c]) * inverse;
-            (factor as f32, (f64::from(shift[c]) - f64::from(mean[c]) * factor) as f32)
-        };
-        (0..variance.len()).map(channel).unzip()
+            let whole = f64::from(scale[c]) * inverse;
+            factor[c] = whole as f32;
+            offset[c] = (f64::from(shift[c]) - f64::from(mean[c]) * whole) as f32;
+        }
     }
 
     /// Moves the running statistics towards those of a batch, whose variance is taken unbiased.
@@ -368,12 +381,16 @@ impl Trunk {
             frozen: false,
         };
         let y = View::new(&self.values[step.output][step.channel..], part, stride);
-        let bounded = self.graph.layers[number].activation.bounds().map(|bounds| (y, bounds));
+        let bounds = self.graph.layers[number].activation.bounds();
+        let gate = match bounds {
+            Some(bounds) if step.added.is_some() => Gate::Outputs(y, bounds),
+            _ => Gate::Normalized(work.normalization(bounds)),
+        };
         let mut by_norm = [vec![0.0; part.channels], vec![0.0; part.channels]];
         let [by_scale, by_shift] = &mut by_norm;
         norm.backward(
             View::new(&by_y[step.channel..], part, stride),
-            bounded,
+            gate,
             View::new(&work.z, part, part.channels),
             ViewMut::new(&mut by_z, part, part.channels),
             added,

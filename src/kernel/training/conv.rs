@@ -66,7 +66,7 @@ impl TrainableConv {
                 row[..width].copy_from_slice(&weights[first..][..width]);
             }
         };
-        let packed = Packed::new(self.isa, outputs, depth, &mut scratch.weights, fill);
+        let packed = Packed::new(self.isa, outputs, depth, &mut scratch.floats, fill);
         let windows = Windows::forward(x, self.window, out.shape);
         multiply(&windows, &self.zeros, &packed, Target { maps: out, phases: None, accumulate: false });
     }
@@ -103,7 +103,7 @@ impl TrainableConv {
             }
         };
         let depth = rows.taps * columns.taps * outputs;
-        let packed = Packed::new(self.isa, inputs, depth, &mut scratch.weights, fill);
+        let packed = Packed::new(self.isa, inputs, depth, &mut scratch.floats, fill);
         multiply(&Windows::backward(dy, rows, columns), &self.zeros, &packed, target);
     }
 

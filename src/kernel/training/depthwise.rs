@@ -92,18 +92,18 @@ impl TrainableDepthwise {
     pub fn by_weights(&self, x: View, dy: View, dw: &mut [f32], accumulate: bool, scratch: &mut Scratch) {
         self.check(x.shape, dy.shape, dw.len());
         let rows = dy.shape.images * dy.shape.height;
-        scratch.weights.resize(rows.div_ceil(ROWS) * dw.len());
+        scratch.floats.resize(rows.div_ceil(ROWS) * dw.len());
         if dw.is_empty() {
             return;
         }
-        scratch.weights.par_chunks_mut(dw.len()).enumerate().for_each(|(i, dw)| {
+        scratch.floats.par_chunks_mut(dw.len()).enumerate().for_each(|(i, dw)| {
             let rows = i * ROWS..rows.min((i + 1) * ROWS);
             dispatch(self.isa, ByWeights { window: self.window, x, dy, rows, dw });
         });
         if !accumulate {
             dw.fill(0.0);
         }
-        for chunk in scratch.weights.chunks_exact(dw.len()) {
+        for chunk in scratch.floats.chunks_exact(dw.len()) {
             for (sum, value) in dw.iter_mut().zip(chunk) {
                 *sum += value;
             }

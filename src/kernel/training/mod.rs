@@ -16,7 +16,7 @@ mod windows;
 
 pub use conv::TrainableConv;
 pub use depthwise::TrainableDepthwise;
-pub use norm::{NormGradient, Normalization, statistics};
+pub use norm::{Gate, NormGradient, Normalization, statistics};
 pub use pool::{average_pool_gradient, max_pool_gradient, max_pool_with_winners};
 
 use super::buffer::Buffer;
@@ -24,9 +24,9 @@ use super::buffer::Buffer;
 /// Memory that is reused from call to call.
 #[derive(Debug, Default)]
 pub struct Scratch {
-    /// Packed weights, or partial sums of their gradients.
-    weights: Buffer,
-    /// Partial sums of a batch norm.
+    /// Packed weights, or partial sums of gradients.
+    floats: Buffer,
+    /// Sums over a batch.
     sums: Vec<f64>,
 }
 

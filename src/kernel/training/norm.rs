@@ -154,7 +154,7 @@ pub struct NormGradient<'a> {
 impl NormGradient<'_> {
     /// Gradients of y = bounded(γ (z − mean) · inverse + β + added), given the gradient `dy` by y: by z into `dz`,
     /// by γ into `dgamma`, by β into `dbeta`, and into `by_added` by what was added (if its flag says so, added to what
-    /// stands there). `bounded` holds y and its bounds: nothing passes where y is not between them.
+    /// stands there). What passes the bounds is told by `gate`.
     ///
     /// # Panics
     /// If shapes differ.
@@ -162,7 +162,7 @@ impl NormGradient<'_> {
     pub fn backward(
         &self,
         dy: View,
-        bounded: Option<(View, (f32, f32))>,
+        gate: Gate,
         z: View,
         dz: ViewMut,
         by_added: Option<(ViewMut, bool)>,
@@ -170,7 +170,7 @@ impl NormGradient<'_> {
         dbeta: &mut [f32],
         scratch: &mut Scratch,
     ) {
-        self.backward_with(isa(), Passing { dy, bounded }, z, dz, by_added, [dgamma, dbeta], scratch);
+        self.backward_with(isa(), Passing { dy, gate }, z, dz, by_added, [dgamma, dbeta], scratch);
     }
 
     #[allow(clippy::too_many_arguments)]
@@ -186,10 +186,10 @@ impl NormGradient<'_> {
     ) {
         let shape = z.shape;
         let channels = shape.channels;
-        let maps = [Some(passing.dy.shape), passing.bounded.map(|(y, _)| y.shape), Some(dz.shape)];
-        let maps = maps.into_iter().flatten().chain(by_added.as_ref().map(|(map, _)| map.shape));
+        let maps = [passing.dy.shape, dz.shape].into_iter().chain(by_added.as_ref().map(|(map, _)| map.shape));
         let vectors = [self.mean, self.inverse, self.gamma, dgamma, dbeta].map(|v| v.len() == channels);
         assert!(maps.into_iter().all(|s| s == shape) && vectors == [true; 5], "other shapes");
+        assert!(passing.gate.fits(shape), "a gate of another shape");
         let totals = self.sums(isa, passing, z, scratch);
         let (sums, products) = totals.split_at(channels);
         for c in 0..channels {
@@ -204,15 +204,15 @@ impl NormGradient<'_> {
     /// For each channel, the sum of the gradients that pass, and of their products with z − mean.
     fn sums<'s>(&self, isa: Isa, passing: Passing, z: View, scratch: &'s mut Scratch) -> &'s [f64] {
         let (len, pixels) = (2 * z.shape.channels, z.shape.pixels());
-        scratch.weights.resize(pixels.div_ceil(CHUNK) * len);
-        scratch.weights.par_chunks_mut(len.max(1)).enumerate().for_each(|(i, sums)| {
+        scratch.floats.resize(pixels.div_ceil(CHUNK) * len);
+        scratch.floats.par_chunks_mut(len.max(1)).enumerate().for_each(|(i, sums)| {
             let first = i * CHUNK;
             let pixels = CHUNK.min(pixels - first);
             dispatch(isa, GradientSums { passing, z, mean: self.mean, first, pixels, sums });
         });
         scratch.sums.clear();
         scratch.sums.resize(len, 0.0);
-        for sums in scratch.weights.chunks_exact(len.max(1)) {
+        for sums in scratch.floats.chunks_exact(len.max(1)) {
             for (total, sum) in scratch.sums.iter_mut().zip(sums) {
                 *total += f64::from(*sum);
             }
@@ -254,26 +254,51 @@ impl NormGradient<'_> {
     }
 }
 
-/// The gradient that passes the bounds.
+/// Where a gradient passes bounds: at a bound, and outside, the derivative is 0.
+#[derive(Debug, Clone, Copy)]
+pub enum Gate<'a> {
+    /// Everywhere: there are none.
+    Open,
+    /// Where these outputs are between the bounds.
+    Outputs(View<'a>, (f32, f32)),
+    /// Where the outputs that this made of z, with nothing added, are between its bounds: one map less to read.
+    Normalized(Normalization<'a>),
+}
+
+impl Gate<'_> {
+    fn fits(&self, shape: Shape) -> bool {
+        match self {
+            Gate::Open => true,
+            Gate::Outputs(y, _) => y.shape == shape,
+            Gate::Normalized(norm) => [norm.scale, norm.shift].iter().all(|v| v.len() == shape.channels),
+        }
+    }
+}
+
+/// A gradient, and where it passes.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Passing<'a> {
     pub dy: View<'a>,
-    pub bounded: Option<(View<'a>, (f32, f32))>,
+    pub gate: Gate<'a>,
 }
 
 impl Passing<'_> {
-    /// Channels from `c` on of pixel `p`.
+    /// Channels from `c` on of pixel `p`, where `z` stands.
     ///
     /// # Safety
     /// The processor has the instruction set of `S`, and there are more than `c` channels.
     #[inline(always)]
-    unsafe fn load<S: Simd>(&self, p: usize, c: usize) -> S {
+    unsafe fn load<S: Simd>(&self, z: S, p: usize, c: usize) -> S {
         // SAFETY: the maps have the same channels
         unsafe {
             let dy = load::<S>(self.dy.pixel(p), c);
-            match self.bounded {
-                Some((y, (low, high))) => dy.where_between(load(y.pixel(p), c), S::splat(low), S::splat(high)),
-                None => dy,
+            match self.gate {
+                Gate::Outputs(y, (low, high)) => dy.where_between(load(y.pixel(p), c), S::splat(low), S::splat(high)),
+                Gate::Normalized(Normalization { scale, shift, bounds: Some((low, high)) }) => {
+                    let y = z.fma(load(scale, c), load(shift, c));
+                    dy.where_between(y, S::splat(low), S::splat(high))
+                }
+                Gate::Open | Gate::Normalized(_) => dy,
             }
         }
     }
@@ -299,9 +324,10 @@ impl Work for GradientSums<'_> {
             for c in (0..channels).step_by(S::LANES) {
                 // SAFETY: all slices have `channels` values; the caller vouches for the instruction set
                 unsafe {
-                    let passing = self.passing.load::<S>(p, c);
+                    let z = load::<S>(z, c);
+                    let passing = self.passing.load(z, p, c);
                     store(load::<S>(sums, c).add(passing), sums, c);
-                    let distance = load::<S>(z, c).sub(load(self.mean, c));
+                    let distance = z.sub(load(self.mean, c));
                     store(passing.fma(distance, load(products, c)), products, c);
                 }
             }
@@ -334,9 +360,10 @@ impl Work for WriteGradient<'_> {
             for c in (0..channels).step_by(S::LANES) {
                 // SAFETY: all slices have `channels` values; the caller vouches for the instruction set
                 unsafe {
-                    let passing = self.passing.load::<S>(self.first + p, c);
+                    let z = load::<S>(z, c);
+                    let passing = self.passing.load(z, self.first + p, c);
                     let own = passing.fma(load(factor, c), load(constant, c));
-                    store(load::<S>(z, c).sub(load(self.mean, c)).fma(load(slope, c), own), dz, c);
+                    store(z.sub(load(self.mean, c)).fma(load(slope, c), own), dz, c);
                     if let Some((map, add)) = &mut added {
                         store(if *add { load::<S>(map, c).add(passing) } else { passing }, map, c);
                     }

@@ -2,7 +2,7 @@ use proptest::prelude::*;
 
 use super::norm::{Passing, statistics_with};
 use super::testing::{Maps, on_pools, supported, values};
-use super::{NormGradient, Normalization, Scratch};
+use super::{Gate, NormGradient, Normalization, Scratch};
 use crate::kernel::{Isa, Shape};
 use crate::rng::stream;
 
@@ -59,6 +59,7 @@ proptest! {
 #[derive(Clone)]
 struct Norm {
     z: Vec<f64>,
+    /// Zeros if nothing is added.
     added: Vec<f64>,
     gamma: Vec<f64>,
     beta: Vec<f64>,
@@ -123,18 +124,24 @@ fn results(isa: Isa, norm: &Norm, shape: Shape, gap: usize, before: Option<&[f32
     let scale: Vec<_> = gamma.iter().zip(&inverse).map(|(g, i)| g * i).collect();
     let shift: Vec<_> = beta.iter().zip(&mean).zip(&scale).map(|((b, m), s)| b - m * s).collect();
     let maps = |values: &[f64]| Maps::new(&single(values), shape, gap);
-    let (z, added, dy) = (maps(&norm.z), maps(&norm.added), maps(&norm.dy));
+    let (z, dy) = (maps(&norm.z), maps(&norm.dy));
+    let added = norm.added.iter().any(|v| *v != 0.0).then(|| maps(&norm.added));
     let nothing = vec![f32::NAN; shape.len()];
     on_pools(|| {
         let [mut y, mut dz] = [(); 2].map(|()| Maps::new(&nothing, shape, gap));
         let mut by_added = Maps::new(before.unwrap_or(&nothing), shape, gap);
         let [mut dgamma, mut dbeta] = [(); 2].map(|()| vec![f32::NAN; shape.channels]);
         let forward = Normalization { scale: &scale, shift: &shift, bounds: norm.bounds };
-        forward.apply_with(isa, z.view(), Some(added.view()), y.view_mut());
+        forward.apply_with(isa, z.view(), added.as_ref().map(Maps::view), y.view_mut());
+        let gate = match norm.bounds {
+            Some(bounds) if added.is_some() => Gate::Outputs(y.view(), bounds),
+            Some(_) => Gate::Normalized(forward),
+            None => Gate::Open,
+        };
         let gradient = NormGradient { mean: &mean, inverse: &inverse, gamma: &gamma, frozen: norm.frozen.is_some() };
         gradient.backward_with(
             isa,
-            Passing { dy: dy.view(), bounded: norm.bounds.map(|bounds| (y.view(), bounds)) },
+            Passing { dy: dy.view(), gate },
             z.view(),
             dz.view_mut(),
             Some((by_added.view_mut(), before.is_some())),
@@ -149,14 +156,14 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
     #[test]
     fn the_gradient_is_the_slope_of_the_loss(
-        pixels in 2usize..8, channels in 1usize..20, gap in 0usize..3, frozen: bool, accumulate: bool,
+        pixels in 2usize..8, channels in 1usize..20, gap in 0usize..3, frozen: bool, adds: bool, accumulate: bool,
         bounds in prop_oneof![Just(None), Just(Some((0.0, f32::INFINITY))), Just(Some((0.0, 1.0)))], seed in 0u64..1000,
     ) {
         let shape = Shape { images: 2, height: 1, width: pixels, channels };
         let map = |index| draw(shape.len(), 10 * seed + index);
         let vector = |index| draw(channels, 10 * seed + index);
         let norm = Norm {
-            z: map(1), added: map(2), gamma: vector(3), beta: vector(4), dy: map(5), bounds,
+            z: map(1), added: if adds { map(2) } else { vec![0.0; shape.len()] }, gamma: vector(3), beta: vector(4), dy: map(5), bounds,
             frozen: frozen.then(|| vector(6).iter().map(|m| (*m, 1.0 + m * m)).collect()),
         };
         // single precision and the step of the difference quotient must not cross a kink
@@ -208,7 +215,7 @@ fn nothing_passes_at_a_bound() {
     let ones = Maps::new(&[1.0; 3], shape, 0);
     NormGradient { mean: &[0.0], inverse: &[1.0], gamma: &[2.0], frozen: true }.backward(
         ones.view(),
-        Some((y.view(), (0.0, 6.0))),
+        Gate::Outputs(y.view(), (0.0, 6.0)),
         ones.view(),
         dz.view_mut(),
         None,
