@@ -5,10 +5,9 @@ use std::sync::LazyLock;
 
 use rayon::prelude::*;
 
-use super::render::{Frame, Levels, Pose, coarsest_level, render};
+use super::render::{Frame, Levels, Pose, Renderer, coarsest_level, plain};
 use super::testing::{dataset_spec, panorama, view};
 use super::{Subset, View, plan_views, radial_log_power};
-use crate::camera::Camera;
 use crate::config::spec::PoseAxis;
 use crate::panorama::Equirect;
 use crate::rng;
@@ -101,29 +100,18 @@ fn views() -> Vec<View> {
 
 static NOISE: LazyLock<Vec<Vec<u8>>> = LazyLock::new(|| (0..PANORAMAS as u64).into_par_iter().map(noise).collect());
 
-type Renderer = fn(&Equirect<'_>, &[View]) -> Vec<Vec<u8>>;
+type Kind = fn(&Equirect<'_>, &[View]) -> Vec<Vec<u8>>;
 
 fn band_limited(image: &Equirect<'_>, views: &[View]) -> Vec<Vec<u8>> {
     let coarsest = views.iter().map(|v| coarsest_level(v, FRAME, image.width)).max().unwrap();
     let levels = Levels::build(image, 1, coarsest);
-    views.iter().map(|v| render(&levels, v, &Pose::of(v, PoseAxis::Horizon), FRAME)).collect()
+    let renderer = Renderer::new(FRAME);
+    views.iter().map(|v| renderer.render(&levels, v, &Pose::of(v, PoseAxis::Horizon))).collect()
 }
 
-/// Every pixel of the view interpolated between the four nearest of the panorama, and nothing more.
-fn plain(image: &Equirect<'_>, views: &[View]) -> Vec<Vec<u8>> {
+fn unlimited(image: &Equirect<'_>, views: &[View]) -> Vec<Vec<u8>> {
     let levels = Levels::build(image, 1, 0);
-    let pixel = |view: &View, pose: &Pose, i: usize| {
-        let camera = Camera::centred(view.f_px, view.xi, 299);
-        let ray = camera.unproject((i % 299) as f64 + 0.5, (i / 299) as f64 + 0.5).unwrap();
-        let [x, y, z] = pose.turn(ray.map(|c| c as f32));
-        let polar = libm::atan2f((x * x + z * z).sqrt(), -y);
-        levels.level(0).read(libm::atan2f(x, z), polar)[0] as u8
-    };
-    let picture = |view: &View| {
-        let pose = Pose::of(view, PoseAxis::Horizon);
-        (0..299 * 299).flat_map(|i| [pixel(view, &pose, i); 3]).collect()
-    };
-    views.iter().map(picture).collect()
+    views.iter().map(|v| plain(&levels, v, &Pose::of(v, PoseAxis::Horizon), FRAME.image_px)).collect()
 }
 
 /// Mean spectrum of a camera over the panoramas, four poses each.
@@ -158,7 +146,7 @@ fn spectra_of_all_cameras_coincide() {
 }
 
 /// Spectra of all views, panorama by panorama.
-fn spectra(renderer: Renderer) -> Vec<(f64, Vec<f64>)> {
+fn spectra(kind: Kind) -> Vec<(f64, Vec<f64>)> {
     let views = views();
     let per_panorama = views.len() / PANORAMAS;
     (0..PANORAMAS)
@@ -166,7 +154,7 @@ fn spectra(renderer: Renderer) -> Vec<(f64, Vec<f64>)> {
         .flat_map_iter(|p| {
             let image = Equirect { width: WIDTH, height: WIDTH / 2, rgb: &NOISE[p] };
             let views = &views[p * per_panorama..(p + 1) * per_panorama];
-            let pictures = renderer(&image, views);
+            let pictures = kind(&image, views);
             let pair = |(v, pixels): (&View, &Vec<u8>)| (v.f_px, radial_log_power(pixels, 299, FRAME.resolution, BINS));
             views.iter().zip(&pictures).map(pair).collect::<Vec<_>>()
         })
@@ -208,8 +196,8 @@ fn mean_label(rows: &[(f64, Vec<f64>)]) -> f64 {
 }
 
 /// 95 % interval, bootstrapped over panoramas, of the share by which the spectrum lowers the MAE of f.
-fn gain(renderer: Renderer) -> (f64, f64) {
-    let all = spectra(renderer);
+fn gain(kind: Kind) -> (f64, f64) {
+    let all = spectra(kind);
     let per_panorama = all.len() / PANORAMAS;
     let (train, test) = all.split_at(TRAIN * per_panorama);
     let mean = mean_label(train);
@@ -239,6 +227,6 @@ fn the_spectrum_of_band_limited_noise_does_not_tell_the_focal_length() {
 
 #[test]
 fn without_the_band_limit_the_same_spectrum_tells_it() {
-    let (low, high) = gain(plain);
+    let (low, high) = gain(unlimited);
     assert!(low > 0.15, "{low:.3} to {high:.3}");
 }

@@ -7,7 +7,7 @@ use memmap2::Mmap;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::render::{self, Frame, Levels, Pose};
+use super::render::{self, Frame, Levels, Pose, Renderer};
 use super::{Error, View, sample};
 use crate::config::spec::DatasetSpec;
 use crate::panorama::Equirect;
@@ -85,10 +85,11 @@ fn frame(spec: &DatasetSpec) -> Frame {
 }
 
 fn render_all(views: &[View], spec: &DatasetSpec, levels: &Levels, progress: &dyn Progress) -> Vec<Vec<u8>> {
+    let renderer = Renderer::new(frame(spec));
     views
         .par_iter()
         .map(|view| {
-            let pixels = render::render(levels, view, &Pose::of(view, spec.pose.axis), frame(spec));
+            let pixels = renderer.render(levels, view, &Pose::of(view, spec.pose.axis));
             progress.advance(1);
             pixels
         })

@@ -1,5 +1,6 @@
 //! Memory that vectors are loaded from: aligned to a cache line.
 
+use std::mem::MaybeUninit;
 use std::ops::{Deref, DerefMut};
 
 /// Floats on a cache line of their own.
@@ -27,11 +28,32 @@ impl Buffer {
     /// Makes it `len` long. What stood there stays or is replaced by zeros: callers write before they
     /// read. Memory is never given back, so that a reused buffer costs no page faults.
     pub fn resize(&mut self, len: usize) {
-        if len > self.lines.len() * LINE {
-            self.lines.resize(len.div_ceil(LINE), Line([0.0; LINE]));
+        let lines = len.div_ceil(LINE);
+        if lines > self.lines.len() {
+            self.lines = Vec::new();
+            self.lines.reserve_exact(lines);
+            prefer_huge_pages(self.lines.spare_capacity_mut());
+            self.lines.resize(lines, Line([0.0; LINE]));
         }
         self.len = len;
     }
+}
+
+/// Asks the system to map `memory`, which nobody has written to yet, in huge pages: maps and weights are many mebibytes, and
+/// windows jump from row to row of them, for which a table of small pages is too short.
+fn prefer_huge_pages(memory: &mut [MaybeUninit<Line>]) {
+    #[cfg(target_os = "linux")]
+    {
+        const HUGE: usize = 2 << 20;
+        let before = memory.as_ptr().cast::<u8>().align_offset(HUGE);
+        let bytes = size_of_val(memory).saturating_sub(before) / HUGE * HUGE;
+        if bytes > 0 {
+            // SAFETY: the range lies inside `memory`; the call changes no content. Systems without huge pages refuse it.
+            unsafe { libc::madvise(memory.as_mut_ptr().byte_add(before).cast(), bytes, libc::MADV_HUGEPAGE) };
+        }
+    }
+    #[cfg(not(target_os = "linux"))]
+    let _ = memory;
 }
 
 impl From<&[f32]> for Buffer {

@@ -20,7 +20,7 @@ pub use conv::Conv;
 pub use map::{Pad, Shape, View, ViewMut, Window};
 pub use matmul::{Mat, matmul, matmul_with};
 pub use product::{Start, product, product_with};
-pub use simd::{Isa, IsaError, check_isa, isa};
+pub use simd::{Isa, IsaError, check_isa, isa, prefetch};
 pub(crate) use slices::per_isa;
 pub use slices::{add_rows, inverse, inverse_root, products, sigmoid, sum_of_squares, tanh, times};
 pub use stencil::{Depthwise, average_pool, max_pool};

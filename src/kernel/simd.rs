@@ -113,7 +113,7 @@ pub fn isa() -> Isa {
 
 /// Has the line of `address` brought to the second-level cache; any address will do, valid or not.
 #[inline(always)]
-pub(super) fn prefetch(address: *const f32) {
+pub fn prefetch(address: *const f32) {
     #[cfg(target_arch = "x86_64")]
     {
         use std::arch::x86_64::{_MM_HINT_T1, _mm_prefetch};

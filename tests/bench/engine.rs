@@ -11,10 +11,20 @@ mod harness;
 
 use harness::{Job, machine, run};
 use panotune::backbone::{Backbone, WeightsSource};
-use panotune::config::spec::{Architecture, BackboneSpec, Tune};
+use panotune::config::spec::{Architecture, BackboneSpec, PoseAxis, Tune};
+use panotune::dataset::render::{Frame, Levels, Pose, Renderer, coarsest_level, plain};
+use panotune::dataset::{Subset, View};
+use panotune::panorama::Equirect;
+use rayon::prelude::*;
 
 /// Images of an extraction, as in `tests/peers/engine.py`.
 const BATCH: usize = 16;
+
+/// Panorama and views, likewise; the resolution is that of `configs/dataset/wide_angle.yaml`.
+const PANORAMA_WIDTH: usize = 2048;
+const VIEW_PX: u32 = 299;
+const VIEWS: u32 = 8;
+const RESOLUTION: u32 = 97;
 
 const BACKBONES: [(&str, Architecture, u32, &str); 3] = [
     ("inception_v3", Architecture::InceptionV3, 299, "mixed_7c"),
@@ -51,8 +61,50 @@ fn extraction((name, architecture, input_px, tap): (&str, Architecture, u32, &st
     }
 }
 
+/// Views of a panorama of noise, with (`limited`) and without the band limit; the peer only interpolates.
+fn views(limited: bool) -> Job {
+    let make = move || {
+        let (width, height) = (PANORAMA_WIDTH, PANORAMA_WIDTH / 2);
+        let rgb: Vec<u8> = (0..width * height * 3).map(|i| (i * 0x9e37_79b1 >> 7) as u8).collect();
+        let frame = Frame { image_px: VIEW_PX, resolution: RESOLUTION };
+        let views: Vec<View> = (0..VIEWS).map(view).collect();
+        let coarsest = views.iter().map(|view| coarsest_level(view, frame, width)).max();
+        let levels = Levels::build(&Equirect { width, height, rgb: &rgb }, 1, coarsest.unwrap_or(0));
+        let renderer = Renderer::new(frame);
+        let render = move |view: &View| {
+            let pose = Pose::of(view, PoseAxis::Horizon);
+            let pixels =
+                if limited { renderer.render(&levels, view, &pose) } else { plain(&levels, view, &pose, VIEW_PX) };
+            drop(std::hint::black_box(pixels));
+        };
+        harness::Prepared { work: Box::new(move || views.par_iter().for_each(&render)), multiply_adds: None }
+    };
+    Job {
+        name: format!("views/{}", if limited { "band-limited" } else { "plain" }),
+        unit: "views",
+        units: f64::from(VIEWS),
+        peers: vec!["opencv/views".to_owned()],
+        memory: false,
+        make: Box::new(make),
+    }
+}
+
+fn view(index: u32) -> View {
+    let i = f64::from(index);
+    View {
+        index,
+        panorama: String::new(),
+        subset: Subset::Train,
+        f_px: 60.0 + 30.0 * i,
+        xi: 0.1 * i,
+        yaw_deg: 45.0 * i - 170.0,
+        pitch_deg: 7.0 * i - 25.0,
+        roll_deg: 0.0,
+    }
+}
+
 fn jobs() -> Vec<Job> {
-    BACKBONES.map(extraction).into()
+    BACKBONES.into_iter().map(extraction).chain([false, true].map(views)).collect()
 }
 
 fn main() {

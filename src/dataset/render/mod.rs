@@ -24,17 +24,24 @@
 
 mod angle;
 mod blur;
+mod lens;
 mod levels;
 mod optics;
+mod plain;
 mod pose;
 mod resample;
+mod spots;
 
 pub use levels::Levels;
+pub use plain::plain;
 pub use pose::Pose;
 
-use optics::{Optics, Source};
+use optics::{Optics, Scratch, Source};
+use resample::Resampling;
+use spots::whole;
 
 use super::View;
+use crate::kernel::{isa, per_isa};
 
 /// Red, green, blue and nothing, in sRGB code values; four, since that is what a register holds.
 type Texel = [f32; 4];
@@ -62,20 +69,52 @@ pub fn coarsest_level(view: &View, frame: Frame, width: usize) -> usize {
     Optics::new(view, frame, width).coarsest_level()
 }
 
-/// The pixels of `view`: `image_px` × `image_px` × 3 bytes, row-major RGB, sRGB code values.
-pub fn render(levels: &Levels, view: &View, pose: &Pose, frame: Frame) -> Vec<u8> {
-    let optics = Optics::new(view, frame, levels.width());
-    let side = OVERSAMPLING * frame.resolution as usize + 2 * MARGIN;
-    let mut grid = vec![[0.0; 4]; side * side];
-    let place = |i: usize| (i as f64 + 0.5 - side as f64 / 2.0) / OVERSAMPLING as f64;
-    let source = Source { levels, pose: *pose };
-    for (y, line) in grid.chunks_exact_mut(side).enumerate() {
-        optics.read_line(&source, place(y), place, line);
+/// Renders views of one frame.
+#[derive(Debug)]
+pub struct Renderer {
+    frame: Frame,
+    /// Grid points each way.
+    side: usize,
+    resampling: Resampling,
+}
+
+impl Renderer {
+    /// For views of `frame`.
+    pub fn new(frame: Frame) -> Self {
+        let side = OVERSAMPLING * frame.resolution as usize + 2 * MARGIN;
+        Self { frame, side, resampling: Resampling::new(side, frame) }
     }
-    resample::to_pixels(&grid, side, frame)
+
+    /// The pixels of `view`: `image_px` × `image_px` × 3 bytes, row-major RGB, sRGB code values.
+    pub fn render(&self, levels: &Levels, view: &View, pose: &Pose) -> Vec<u8> {
+        let optics = Optics::new(view, self.frame, levels.width());
+        let place = |i: usize| (i as f64 + 0.5 - self.side as f64 / 2.0) / OVERSAMPLING as f64;
+        let places: Vec<f64> = (0..self.side).map(place).collect();
+        let source = Source { levels, pose: *pose };
+        let mut grid = vec![[0.0; 4]; self.side * self.side];
+        let mut scratch = Scratch::default();
+        for (line, y) in grid.chunks_exact_mut(self.side).zip(&places) {
+            optics.read_line(&source, *y, &places, line, &mut scratch);
+        }
+        let texels = self.resampling.apply(&grid);
+        let mut pixels = vec![0; texels.len() * 3];
+        to_bytes(isa(), &texels, &mut pixels);
+        pixels
+    }
+}
+
+per_isa! {
+    /// Red, green and blue of each texel as code values.
+    fn to_bytes(texels: &[Texel], bytes: &mut [u8]) {
+        for (pixel, texel) in bytes.as_chunks_mut::<3>().0.iter_mut().zip(texels) {
+            let [red, green, blue, _] = texel.map(to_byte);
+            *pixel = [red, green, blue];
+        }
+    }
 }
 
 /// The nearest code value, halves away from zero, within 0 to 255.
+#[inline(always)]
 pub(super) fn to_byte(value: f32) -> u8 {
-    (value.clamp(0.0, 255.0) + 0.5) as u8
+    whole((value.clamp(0.0, 255.0) + 0.5).floor()) as u8
 }

@@ -1,13 +1,20 @@
 //! How a camera stretches the sphere, and what is read around one point of a view.
 
+use std::ops::Range;
 use std::sync::LazyLock;
 
-use super::levels::{FINEST, Levels, level_of};
-use super::{Frame, Pose, READ_VARIANCE, Texel, angle};
+use super::lens::Lens;
+use super::levels::{FINEST, Level, Levels, level_of, mixed};
+use super::spots::Spots;
+use super::{Frame, Pose, READ_VARIANCE, Texel};
 use crate::dataset::View;
+use crate::kernel::{isa, per_isa};
 
 /// Radii at which the footprint is tabulated.
 const RADII: usize = 1024;
+
+/// Texels that are fetched ahead of the one that is read.
+pub const AHEAD: usize = 12;
 
 /// How far the readings around a point must reach, as a multiple of the view's half diagonal.
 const REACH: f64 = 1.15;
@@ -17,8 +24,7 @@ const REACH: f64 = 1.15;
 pub struct Optics {
     f: f64,
     xi: f64,
-    /// Squares of r = ρ/f beyond this see nothing.
-    largest_r2: f64,
+    lens: Lens,
     /// Whether the scale along the radius is the smaller one.
     radial: bool,
     per_radius: f64,
@@ -44,11 +50,9 @@ impl Optics {
         let resolution = f64::from(frame.resolution);
         let f = view.f_px * resolution / f64::from(frame.image_px);
         let xi = view.xi;
-        // Short of the rim itself, where the scale along the radius vanishes.
-        let largest_r2 = if xi > 1.0 { (1.0 - 1e-6) / (xi * xi - 1.0) } else { f64::from(f32::MAX) };
         let farthest = REACH * resolution / core::f64::consts::SQRT_2 + 2.0;
-        let mut optics =
-            Self { f, xi, largest_r2, radial: xi > 1.0, per_radius: RADII as f64 / farthest, footprints: vec![] };
+        let (lens, per_radius) = (Lens::new(xi), RADII as f64 / farthest);
+        let mut optics = Self { f, xi, lens, radial: xi > 1.0, per_radius, footprints: vec![] };
         let pixels_per_radian = width as f64 / core::f64::consts::TAU;
         let radius = |i: usize| (i as f64 + 0.5) / optics.per_radius;
         optics.footprints = (0..RADII).map(|i| optics.footprint(radius(i), pixels_per_radian)).collect();
@@ -64,7 +68,7 @@ impl Optics {
     /// wide across the radius and dρ/dθ along it.
     fn footprint(&self, radius: f64, pixels_per_radian: f64) -> Footprint {
         let r2 = (radius / self.f) * (radius / self.f);
-        let cosine = self.eta(r2.min(self.largest_r2)) - self.xi;
+        let cosine = self.lens.cosine(r2);
         let across = self.f / (self.xi + cosine);
         let ratio = (1.0 + self.xi * cosine) / (self.xi + cosine);
         let (larger, stretch) = if self.radial { (across, 1.0 / ratio) } else { (across * ratio, ratio) };
@@ -76,58 +80,129 @@ impl Optics {
         Footprint { level, share, spread, quadrature }
     }
 
-    /// What the view shows along a line: at (`place(i)`, `y`) R-pixels from its centre, for each texel i.
-    pub fn read_line(&self, source: &Source<'_>, y: f64, place: impl Fn(usize) -> f64, line: &mut [Texel]) {
-        let mut rays = Rays::default();
-        let footprint = |i: usize| {
-            let radius = (place(i) * place(i) + y * y).sqrt();
+    /// What the view shows along a line: at (`places[i]`, `y`) R-pixels from its centre, for each texel i.
+    pub fn read_line(&self, source: &Source<'_>, y: f64, places: &[f64], line: &mut [Texel], scratch: &mut Scratch) {
+        let around = |x: &f64| {
+            let radius = (x * x + y * y).sqrt();
             (&self.footprints[((radius * self.per_radius) as usize).min(RADII - 1)], radius)
         };
-        for i in 0..line.len() {
-            let (footprint, radius) = footprint(i);
-            let (x, outwards) = (place(i), footprint.spread / radius.max(1e-9));
-            let (dx, dy) = if self.radial { (x * outwards, y * outwards) } else { (-y * outwards, x * outwards) };
-            for &(offset, _) in &QUADRATURES[footprint.quadrature].points {
-                rays.push((x + offset * dx) / self.f, (y + offset * dy) / self.f);
+        let around: Vec<(&Footprint, f64)> = places.iter().map(around).collect();
+        let readings = around.iter().map(|&(f, radius)| Reading::new(f, radius, source.levels)).collect::<Vec<_>>();
+        let mut begin = 0;
+        for alike in readings.chunk_by(|a, b| a.is_like(b)) {
+            let texels = begin..begin + alike.len();
+            begin = texels.end;
+            self.read_alike(source, y, &places[texels.clone()], alike, &mut line[texels], scratch);
+        }
+    }
+
+    /// [`read_line`](Optics::read_line) for texels whose readings are alike.
+    fn read_alike(
+        &self,
+        source: &Source,
+        y: f64,
+        places: &[f64],
+        readings: &[Reading],
+        line: &mut [Texel],
+        scratch: &mut Scratch,
+    ) {
+        let points = &QUADRATURES[readings[0].quadrature].points;
+        let n = line.len();
+        let Scratch { azimuths, polars, below, above } = scratch;
+        azimuths.resize(n * points.len(), 0.0);
+        polars.resize(n * points.len(), 0.0);
+        let of_points = azimuths.chunks_exact_mut(n).zip(polars.chunks_exact_mut(n));
+        for ((offset, _), (x_out, y_out)) in points.iter().zip(of_points) {
+            spread_out(isa(), self, places, y, readings, *offset, x_out, y_out);
+        }
+        self.lens.aim(&source.pose, azimuths, polars);
+        below.find(readings[0].below, azimuths, polars);
+        let above = if readings[0].is_of_one_size() {
+            &*below
+        } else {
+            above.find(readings[0].above, azimuths, polars);
+            above
+        };
+        line.fill([0.0; 4]);
+        for (k, (_, weight)) in points.iter().enumerate() {
+            add_readings(isa(), readings, *weight, below, above, k * n..(k + 1) * n, line);
+        }
+    }
+}
+
+/// Memory that is used again for every line.
+#[derive(Default)]
+pub struct Scratch {
+    azimuths: Vec<f32>,
+    polars: Vec<f32>,
+    below: Spots,
+    above: Spots,
+}
+
+/// What is read for one texel: at the points of a quadrature, from two levels.
+#[derive(Clone, Copy)]
+struct Reading<'a> {
+    quadrature: usize,
+    /// Standard deviation to be added, for each unit of the distance from the centre.
+    outwards: f64,
+    below: &'a Level,
+    above: &'a Level,
+    /// Of the level above.
+    share: f32,
+}
+
+impl<'a> Reading<'a> {
+    fn new(footprint: &Footprint, radius: f64, levels: &'a Levels) -> Self {
+        Self {
+            quadrature: footprint.quadrature,
+            outwards: footprint.spread / radius.max(1e-9),
+            below: levels.level(footprint.level),
+            above: levels.level(footprint.level + 1),
+            share: footprint.share,
+        }
+    }
+
+    /// Whether both are read at the same points of levels of the same size.
+    fn is_like(&self, other: &Self) -> bool {
+        self.quadrature == other.quadrature
+            && self.below.size() == other.below.size()
+            && self.above.size() == other.above.size()
+    }
+
+    /// Whether both levels are read at the same spots.
+    fn is_of_one_size(&self) -> bool {
+        self.below.size() == self.above.size()
+    }
+}
+
+per_isa! {
+    /// The places `offset` times the spread away from (`places[i]`, `y`), in focal lengths.
+    fn spread_out(
+        optics: &Optics, places: &[f64], y: f64, readings: &[Reading<'_>], offset: f64, x_out: &mut [f32], y_out: &mut [f32]
+    ) {
+        for (((x, reading), x_out), y_out) in places.iter().zip(readings).zip(x_out).zip(y_out) {
+            let (x, outwards) = (*x, reading.outwards);
+            let (dx, dy) = if optics.radial { (x * outwards, y * outwards) } else { (-y * outwards, x * outwards) };
+            *x_out = ((x + offset * dx) / optics.f) as f32;
+            *y_out = ((y + offset * dy) / optics.f) as f32;
+        }
+    }
+
+    /// Adds to each texel `weight` times what is read at its spot of `range`.
+    fn add_readings(
+        readings: &[Reading<'_>], weight: f32, below: &Spots, above: &Spots, range: Range<usize>, line: &mut [Texel]
+    ) {
+        let spots = below.iter(range.clone()).zip(above.iter(range.clone()));
+        let ahead = range.start + AHEAD.min(range.len())..range.end;
+        let soon = below.iter(ahead.clone()).zip(above.iter(ahead)).map(Some).chain(std::iter::repeat(None));
+        for (((texel, reading), (low, high)), soon) in line.iter_mut().zip(readings).zip(spots).zip(soon) {
+            if let Some((low, high)) = soon {
+                reading.below.fetch(low);
+                reading.above.fetch(high);
             }
+            let value = mixed(reading.below.at(low), reading.above.at(high), reading.share);
+            (0..4).for_each(|c| texel[c] += weight * value[c]);
         }
-        self.aim(&source.pose, &mut rays);
-        let mut rays = rays.aimed();
-        for (i, texel) in line.iter_mut().enumerate() {
-            let (footprint, _) = footprint(i);
-            let (below, above) = (source.levels.level(footprint.level), source.levels.level(footprint.level + 1));
-            let mut sum = [0.0; 4];
-            for (&(_, weight), (azimuth, polar)) in QUADRATURES[footprint.quadrature].points.iter().zip(&mut rays) {
-                let (low, high) = (below.read(azimuth, polar), above.read(azimuth, polar));
-                (0..4).for_each(|c| sum[c] += weight * (low[c] + footprint.share * (high[c] - low[c])));
-            }
-            *texel = sum;
-        }
-    }
-
-    /// Turns places x̂, ŷ into azimuths and polar angles. Without a branch, so that several are done at once.
-    fn aim(&self, pose: &Pose, rays: &mut Rays) {
-        for (x, y) in rays.x.iter_mut().zip(&mut rays.y) {
-            let ray = pose.turn(self.ray(*x, *y));
-            *x = angle::atan2(ray[0], ray[2]);
-            *y = angle::atan2((ray[0] * ray[0] + ray[2] * ray[2]).sqrt(), -ray[1]);
-        }
-    }
-
-    /// The ray at (`x`, `y`) focal lengths from the centre, or at the rim if that lies beyond it.
-    #[inline(always)]
-    fn ray(&self, x: f32, y: f32) -> [f32; 3] {
-        let (xi, largest_r2) = (self.xi as f32, self.largest_r2 as f32);
-        let r2 = x * x + y * y;
-        let shrink = (largest_r2 / if r2 > largest_r2 { r2 } else { largest_r2 }).sqrt();
-        let r2 = if r2 > largest_r2 { largest_r2 } else { r2 };
-        let square = 1.0 + (1.0 - xi * xi) * r2;
-        let eta = (xi + if square > 0.0 { square } else { 0.0 }.sqrt()) / (1.0 + r2);
-        [eta * x * shrink, eta * y * shrink, eta - xi]
-    }
-
-    fn eta(&self, r2: f64) -> f64 {
-        (self.xi + (1.0 + (1.0 - self.xi * self.xi) * r2).max(0.0).sqrt()) / (1.0 + r2)
     }
 }
 
@@ -135,24 +210,6 @@ impl Optics {
 pub struct Source<'a> {
     pub levels: &'a Levels,
     pub pose: Pose,
-}
-
-/// Places x̂, ŷ on the plane at focal length 1; after [`Optics::aim`], azimuths and polar angles.
-#[derive(Default)]
-struct Rays {
-    x: Vec<f32>,
-    y: Vec<f32>,
-}
-
-impl Rays {
-    fn push(&mut self, x: f64, y: f64) {
-        self.x.push(x as f32);
-        self.y.push(y as f32);
-    }
-
-    fn aimed(&self) -> impl Iterator<Item = (f32, f32)> {
-        self.x.iter().copied().zip(self.y.iter().copied())
-    }
 }
 
 /// Points and weights that stand for a Gaussian of variance 1.
@@ -185,7 +242,6 @@ fn even_points(n: usize) -> Vec<(f64, f32)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::Camera;
     use crate::dataset::testing::view;
 
     const FRAME: Frame = Frame { image_px: 299, resolution: 97 };
@@ -197,19 +253,6 @@ mod tests {
                 quadrature.points.iter().map(|&(x, w)| f64::from(w) * (0..k).fold(1.0, |p, _| p * x)).sum()
             };
             assert!((moment(0) - 1.0).abs() < 1e-6 && moment(1).abs() < 1e-6 && (moment(2) - 1.0).abs() < 1e-6);
-        }
-    }
-
-    #[test]
-    fn rays_are_the_camera_s() {
-        for (f, xi) in [(60.0, 0.0), (150.0, 0.6), (200.0, 1.2)] {
-            let optics = Optics::new(&view(0, "a", f, xi), FRAME, 1024);
-            let camera = Camera::centred(f, xi, 299);
-            for (u, v) in [(0.5, 0.5), (149.5, 149.5), (290.0, 20.0)] {
-                let place = |p: f64| ((p - 149.5) / f) as f32;
-                let (ray, expected) = (optics.ray(place(u), place(v)), camera.unproject(u, v).unwrap());
-                (0..3).for_each(|c| assert!((f64::from(ray[c]) - expected[c]).abs() < 1e-6));
-            }
         }
     }
 
@@ -230,7 +273,8 @@ mod tests {
                 let v = v * (1.0 + f64::from(footprint.share) * (core::f64::consts::SQRT_2 - 1.0));
                 let level_sd = v.sqrt() * core::f64::consts::TAU / 1024.0;
                 let scale = |dx: f64, dy: f64| {
-                    let ray = |dx: f64, dy: f64| optics.ray(((radius + dx) / optics.f) as f32, (dy / optics.f) as f32);
+                    let ray =
+                        |dx: f64, dy: f64| optics.lens.ray(((radius + dx) / optics.f) as f32, (dy / optics.f) as f32);
                     let (a, b) = (ray(-dx, -dy), ray(dx, dy));
                     let angle: f64 = (0..3).map(|c| f64::from(a[c] - b[c]) * f64::from(a[c] - b[c])).sum();
                     2.0 * (dx + dy) / angle.sqrt()

@@ -1,7 +1,8 @@
 //! From the grid of points that were read to the pixels of the view.
 
 use super::levels::{add, weighted};
-use super::{Frame, MARGIN, OVERSAMPLING, Texel, to_byte};
+use super::{Frame, MARGIN, OVERSAMPLING, Texel};
+use crate::kernel::{isa, per_isa};
 
 /// Frequency, in cycles an R-pixel, at which the low-pass halves the contrast.
 const CUTOFF: f64 = 0.38;
@@ -16,23 +17,41 @@ const INTERPOLATION_REACH: f64 = 4.0;
 const WINDOW_SHAPE: f64 = 4.5;
 
 /// Weights with which one output takes the inputs from `first` on.
+#[derive(Debug)]
 struct Taps {
     first: usize,
     weights: Vec<f32>,
 }
 
-/// The pixels of a view of `frame`, of a grid of `side` × `side` points.
-pub fn to_pixels(grid: &[Texel], side: usize, frame: Frame) -> Vec<u8> {
-    let (r, px) = (frame.resolution as usize, frame.image_px as usize);
-    let on_grid = |i: usize| OVERSAMPLING as f64 * (i as f64 + 0.5) - 0.5 + MARGIN as f64;
-    let per_point = 1.0 / OVERSAMPLING as f64;
-    let low_pass =
-        taps(r, side, on_grid, LOW_PASS_REACH / per_point, |d| windowed_sinc(d * per_point, CUTOFF, LOW_PASS_REACH));
-    let on_r = |i: usize| (i as f64 + 0.5) * r as f64 / px as f64 - 0.5;
-    let interpolation = taps(px, r, on_r, INTERPOLATION_REACH, |d| windowed_sinc(d, 0.5, INTERPOLATION_REACH));
-    let limited = both_ways(grid, side, &low_pass);
-    let texels = both_ways(&limited, r, &interpolation);
-    texels.iter().flat_map(|t| [to_byte(t[0]), to_byte(t[1]), to_byte(t[2])]).collect()
+/// From grids of `side` × `side` points to views of one frame.
+#[derive(Debug)]
+pub struct Resampling {
+    side: usize,
+    low_pass: Vec<Taps>,
+    interpolation: Vec<Taps>,
+}
+
+impl Resampling {
+    /// For views of `frame`, read from grids of `side` × `side` points.
+    pub fn new(side: usize, frame: Frame) -> Self {
+        let (r, px) = (frame.resolution as usize, frame.image_px as usize);
+        let on_grid = |i: usize| OVERSAMPLING as f64 * (i as f64 + 0.5) - 0.5 + MARGIN as f64;
+        let per_point = 1.0 / OVERSAMPLING as f64;
+        let low_pass = |d| windowed_sinc(d * per_point, CUTOFF, LOW_PASS_REACH);
+        let on_r = |i: usize| (i as f64 + 0.5) * r as f64 / px as f64 - 0.5;
+        let interpolation = |d| windowed_sinc(d, 0.5, INTERPOLATION_REACH);
+        Self {
+            side,
+            low_pass: taps(r, side, on_grid, LOW_PASS_REACH / per_point, low_pass),
+            interpolation: taps(px, r, on_r, INTERPOLATION_REACH, interpolation),
+        }
+    }
+
+    /// The texels of the view.
+    pub fn apply(&self, grid: &[Texel]) -> Vec<Texel> {
+        let limited = both_ways(isa(), grid, self.side, &self.low_pass);
+        both_ways(isa(), &limited, self.low_pass.len(), &self.interpolation)
+    }
 }
 
 /// The ideal low-pass of `cutoff` cycles a unit, under a Kaiser window of ±`reach`.
@@ -77,6 +96,7 @@ fn taps(
     (0..outputs).map(of_output).collect()
 }
 
+per_isa! {
 /// A square of `side` × `side` filtered along its rows and down its columns.
 fn both_ways(square: &[Texel], side: usize, taps: &[Taps]) -> Vec<Texel> {
     let width = taps.len();
@@ -94,19 +114,27 @@ fn both_ways(square: &[Texel], side: usize, taps: &[Taps]) -> Vec<Texel> {
     }
     filtered
 }
+}
 
 #[cfg(test)]
 mod tests {
+    use super::super::to_bytes;
     use super::*;
 
     const FRAME: Frame = Frame { image_px: 299, resolution: 97 };
     const SIDE: usize = 2 * 97 + 2 * MARGIN;
 
+    fn bytes(texels: &[Texel]) -> Vec<u8> {
+        let mut bytes = vec![0; texels.len() * 3];
+        to_bytes(isa(), texels, &mut bytes);
+        bytes
+    }
+
     /// Largest deviation from the mean of what a vertical wave of amplitude 100 becomes, away from the edges.
     fn contrast(cycles_per_r: f64) -> f64 {
         let value = |i: usize| 128.0 + 100.0 * libm::cos(core::f64::consts::PI * cycles_per_r * (i % SIDE) as f64);
         let grid: Vec<Texel> = (0..SIDE * SIDE).map(|i| [value(i) as f32; 4]).collect();
-        let pixels = to_pixels(&grid, SIDE, FRAME);
+        let pixels = bytes(&Resampling::new(SIDE, FRAME).apply(&grid));
         let line = &pixels[3 * 299 * 150 + 3 * 40..3 * 299 * 150 + 3 * 259];
         line.iter().map(|&v| (f64::from(v) - 128.0).abs()).fold(0.0, f64::max) / 100.0
     }
@@ -123,7 +151,7 @@ mod tests {
     #[test]
     fn pixels_lie_where_the_grid_s_points_lie() {
         let grid: Vec<Texel> = (0..SIDE * SIDE).map(|i| [(i % SIDE) as f32, (i / SIDE) as f32, 7.0, 0.0]).collect();
-        let pixels = to_pixels(&grid, SIDE, FRAME);
+        let pixels = bytes(&Resampling::new(SIDE, FRAME).apply(&grid));
         for i in 40..259 {
             let expected = (i as f64 + 0.5) * 194.0 / 299.0 - 0.5 + MARGIN as f64;
             let (across, down) = (pixels[3 * (150 * 299 + i)], pixels[3 * (i * 299 + 150) + 1]);
