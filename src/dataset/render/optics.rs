@@ -112,8 +112,8 @@ impl Optics {
         azimuths.resize(n * points.len(), 0.0);
         polars.resize(n * points.len(), 0.0);
         let of_points = azimuths.chunks_exact_mut(n).zip(polars.chunks_exact_mut(n));
-        for ((offset, _), (x_out, y_out)) in points.iter().zip(of_points) {
-            spread_out(isa(), self, places, y, readings, *offset, x_out, y_out);
+        for ((offset, _), (x_of, y_of)) in points.iter().zip(of_points) {
+            spread_out(isa(), self, (places, y), readings, *offset, [x_of, y_of]);
         }
         self.lens.aim(&source.pose, azimuths, polars);
         below.find(readings[0].below, azimuths, polars);
@@ -176,11 +176,12 @@ impl<'a> Reading<'a> {
 }
 
 per_isa! {
-    /// The places `offset` times the spread away from (`places[i]`, `y`), in focal lengths.
+    /// The places `offset` times the spread away from the points of a line (`line.0[i]`, `line.1`), in focal lengths.
     fn spread_out(
-        optics: &Optics, places: &[f64], y: f64, readings: &[Reading<'_>], offset: f64, x_out: &mut [f32], y_out: &mut [f32]
+        optics: &Optics, line: (&[f64], f64), readings: &[Reading<'_>], offset: f64, to: [&mut [f32]; 2]
     ) {
-        for (((x, reading), x_out), y_out) in places.iter().zip(readings).zip(x_out).zip(y_out) {
+        let ((places, y), [to_x, to_y]) = (line, to);
+        for (((x, reading), x_out), y_out) in places.iter().zip(readings).zip(to_x).zip(to_y) {
             let (x, outwards) = (*x, reading.outwards);
             let (dx, dy) = if optics.radial { (x * outwards, y * outwards) } else { (-y * outwards, x * outwards) };
             *x_out = ((x + offset * dx) / optics.f) as f32;

@@ -2,7 +2,7 @@ use proptest::prelude::*;
 
 use super::testing::{Maps, close, each_pair, on_pools, supported, values, window};
 use super::{Scratch, TrainableConv};
-use crate::kernel::{Isa, Shape, Window};
+use crate::kernel::{Isa, Pad, Shape, Window};
 
 /// Output, gradient by the input and gradient by the weights, each as its chain of fused multiply-adds and in f64.
 struct Naive {
@@ -30,6 +30,42 @@ fn naive(window: Window, [x, dy, w]: [&[f32]; 3], x_shape: Shape, out: Shape, st
     Naive { chains, exact }
 }
 
+/// Checks all three results, on all instruction sets and pools, against the chains.
+fn check(window: Window, x_shape: Shape, out: Shape, gaps: (usize, usize), accumulate: bool) {
+    let (inputs, outputs) = (x_shape.channels, out.channels);
+    let conv = TrainableConv::with_isa(Isa::Portable, window, inputs, outputs);
+    let dense = [values(x_shape.len(), 1), values(out.len(), 2), values(conv.weights(), 3)];
+    let [x, dy, w] = dense.each_ref().map(|v| v.as_slice());
+    let mut before = [vec![0.0; out.len()], vec![0.0; x_shape.len()], vec![0.0; w.len()]];
+    if accumulate {
+        before[1..].clone_from_slice(&[values(x_shape.len(), 4), values(w.len(), 5)]);
+    }
+    let naive = naive(window, [x, dy, w], x_shape, out, before.each_ref().map(|v| v.as_slice()));
+    for k in 0..3 {
+        assert!(close(&naive.chains[k], &naive.exact[k]));
+    }
+    let (x, dy) = (Maps::new(x, x_shape, gaps.0), Maps::new(dy, out, gaps.1));
+    for isa in supported() {
+        let conv = TrainableConv::with_isa(isa, window, inputs, outputs);
+        let results = on_pools(|| {
+            let mut scratch = Scratch::default();
+            let mut y = Maps::new(&vec![f32::NAN; out.len()], out, gaps.1);
+            conv.forward(x.view(), w, y.view_mut(), &mut scratch);
+            let begin = |before: &Vec<f32>| if accumulate { before.clone() } else { vec![f32::NAN; before.len()] };
+            let mut dx = Maps::new(&begin(&before[1]), x_shape, gaps.0);
+            conv.by_input(dy.view(), w, dx.view_mut(), accumulate, &mut scratch);
+            let mut dw = begin(&before[2]);
+            conv.by_weights(x.view(), dy.view(), &mut dw, accumulate);
+            [y.dense(), dx.dense(), dw]
+        });
+        for result in results {
+            for (k, values) in result.iter().enumerate() {
+                assert!(*values == naive.chains[k], "{isa:?}, result {k} of {window:?} on {x_shape:?}");
+            }
+        }
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
     #[test]
@@ -37,37 +73,23 @@ proptest! {
         (window, x_shape, out) in window(), inputs in prop_oneof![1usize..10, Just(40)],
         outputs in prop_oneof![1usize..20, Just(70)], gaps in (0usize..3, 0usize..3), accumulate: bool,
     ) {
-        let (x_shape, out) = (Shape { channels: inputs, ..x_shape }, Shape { channels: outputs, ..out });
-        let conv = TrainableConv::with_isa(Isa::Portable, window, inputs, outputs);
-        let dense = [values(x_shape.len(), 1), values(out.len(), 2), values(conv.weights(), 3)];
-        let [x, dy, w] = dense.each_ref().map(|v| v.as_slice());
-        let mut before = [vec![0.0; out.len()], vec![0.0; x_shape.len()], vec![0.0; w.len()]];
-        if accumulate {
-            before[1..].clone_from_slice(&[values(x_shape.len(), 4), values(w.len(), 5)]);
-        }
-        let naive = naive(window, [x, dy, w], x_shape, out, before.each_ref().map(|v| v.as_slice()));
-        for k in 0..3 {
-            prop_assert!(close(&naive.chains[k], &naive.exact[k]));
-        }
-        let (x, dy) = (Maps::new(x, x_shape, gaps.0), Maps::new(dy, out, gaps.1));
-        for isa in supported() {
-            let conv = TrainableConv::with_isa(isa, window, inputs, outputs);
-            let results = on_pools(|| {
-                let mut scratch = Scratch::default();
-                let mut y = Maps::new(&vec![f32::NAN; out.len()], out, gaps.1);
-                conv.forward(x.view(), w, y.view_mut(), &mut scratch);
-                let begin = |before: &Vec<f32>| if accumulate { before.clone() } else { vec![f32::NAN; before.len()] };
-                let mut dx = Maps::new(&begin(&before[1]), x_shape, gaps.0);
-                conv.by_input(dy.view(), w, dx.view_mut(), accumulate, &mut scratch);
-                let mut dw = begin(&before[2]);
-                conv.by_weights(x.view(), dy.view(), &mut dw, accumulate);
-                [y.dense(), dx.dense(), dw]
-            });
-            for result in results {
-                for (k, values) in result.iter().enumerate() {
-                    prop_assert_eq!(values, &naive.chains[k], "{:?}, result {}", isa, k);
-                }
-            }
-        }
+        check(window, Shape { channels: inputs, ..x_shape }, Shape { channels: outputs, ..out }, gaps, accumulate);
+    }
+}
+
+#[test]
+fn so_are_those_of_deep_weights_many_pixels_and_few_channels() {
+    let padded = Window { pad: Pad { top: 0, left: 1, bottom: 1, right: 1 }, ..Window::square(3, 2) };
+    for (window, (height, width), inputs, outputs) in [
+        (Window::square(1, 1), (3, 5), 1100, 1030),
+        (Window::square(1, 1), (19, 23), 20, 9),
+        (padded, (41, 37), 10, 50),
+        // rows of the window are contiguous in memory
+        (Window::square(3, 2), (31, 45), 3, 40),
+        (Window::square(7, 2), (23, 21), 3, 5),
+    ] {
+        let (oh, ow) = window.output(height, width).unwrap();
+        let x = Shape { images: 2, height, width, channels: inputs };
+        check(window, x, Shape { height: oh, width: ow, channels: outputs, ..x }, (0, 1), true);
     }
 }

@@ -134,39 +134,49 @@ impl Task<'_> {
         let pixels = PIXELS.min(self.windows.pixels() - first);
         TABLE.with_borrow_mut(|table| {
             self.point(first, pixels, table);
-            let Some((rows, columns)) = self.target.phases else {
-                let stride = self.target.maps.stride;
-                // SAFETY: the target holds `channels` floats at every pixel, and no other task has this block's panels
-                let out = unsafe { self.out.at(first * stride) };
-                // SAFETY: as above
-                return panels.iter().for_each(|p| unsafe { self.panel(table, pixels, *p, out.add(p.0), stride) });
-            };
-            BLOCK.with_borrow_mut(|block| {
-                for &(column, width, vectors) in panels {
-                    block.resize(pixels * width);
-                    let mut place = self.windows.place(first);
-                    if self.target.accumulate {
-                        let mut place = place;
-                        for pixel in block.chunks_exact_mut(width) {
-                            // SAFETY: as above
-                            let from = unsafe { self.out.at(self.target.at(place, rows, columns) + column) };
-                            // SAFETY: as above; the block is memory of its own
-                            unsafe { std::ptr::copy_nonoverlapping(from, pixel.as_mut_ptr(), width) };
-                            self.windows.advance(&mut place);
-                        }
+            for panel in panels {
+                match self.target.phases {
+                    None => {
+                        let stride = self.target.maps.stride;
+                        // SAFETY: the target holds `channels` floats at every pixel, and no other task has this block's panels
+                        unsafe { self.panel(table, pixels, *panel, self.out.at(first * stride + panel.0), stride) };
                     }
-                    // SAFETY: the block holds `width` floats for each pixel
-                    unsafe { self.panel(table, pixels, (column, width, vectors), block.as_mut_ptr(), width) };
-                    for pixel in block.chunks_exact(width) {
-                        // SAFETY: as above
-                        let to = unsafe { self.out.at(self.target.at(place, rows, columns) + column) };
-                        // SAFETY: as above
-                        unsafe { std::ptr::copy_nonoverlapping(pixel.as_ptr(), to, width) };
-                        self.windows.advance(&mut place);
+                    Some(phases) => {
+                        BLOCK.with_borrow_mut(|block| self.scattered(table, first, pixels, *panel, phases, block))
                     }
                 }
-            });
+            }
         });
+    }
+
+    /// One panel of pixels that are not contiguous in the target, by way of `block`.
+    fn scattered(
+        &self,
+        table: &[*const f32],
+        first: usize,
+        pixels: usize,
+        panel: (usize, usize, usize),
+        (rows, columns): (Phase, Phase),
+        block: &mut Buffer,
+    ) {
+        let (column, width, _) = panel;
+        block.resize(pixels * width);
+        let each = |block: &mut [f32], copy: fn(*mut f32, &mut [f32])| {
+            let mut place = self.windows.place(first);
+            for pixel in block.chunks_exact_mut(width) {
+                // SAFETY: the target holds `channels` floats at every pixel
+                copy(unsafe { self.out.at(self.target.at(place, rows, columns) + column) }, pixel);
+                self.windows.advance(&mut place);
+            }
+        };
+        if self.target.accumulate {
+            // SAFETY: the panel's columns of the target are valid, and no other task has them
+            each(block, |target, pixel| unsafe { target.copy_to_nonoverlapping(pixel.as_mut_ptr(), pixel.len()) });
+        }
+        // SAFETY: the block holds `width` floats for each pixel
+        unsafe { self.panel(table, pixels, panel, block.as_mut_ptr(), width) };
+        // SAFETY: as above
+        each(block, |target, pixel| unsafe { target.copy_from_nonoverlapping(pixel.as_ptr(), pixel.len()) });
     }
 
     /// Fills `table[(tile · runs + run) · rows + row]` for `pixels` pixels from `first` on; rows past the last pixel

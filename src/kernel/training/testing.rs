@@ -62,7 +62,7 @@ pub(super) fn each_pair(x: Shape, window: Window, out: Shape, mut f: impl FnMut(
     }
 }
 
-/// A window that fits, with padding below its size, and the size of its output.
+/// A window, and maps that it fits with those it makes of them; their numbers of channels are still to be set.
 pub(super) fn window() -> impl Strategy<Value = (Window, Shape, Shape)> {
     let kernel = prop_oneof![(1usize..4, 1usize..4), Just((5usize, 5usize)), Just((1, 7)), Just((7, 1)), Just((7, 7))];
     (kernel, 1usize..4, (0usize..4, 0usize..4, 0usize..4, 0usize..4), 1usize..3, (1usize..12, 1usize..12))
