@@ -17,6 +17,7 @@ import time
 BATCH = 16
 TRAINING_BATCH = 8
 HEAD_ROWS, HEAD_FEATURES, HEAD_LAYERS, HEAD_UNITS, HEAD_DROPOUT, HEAD_BATCH = 10_000, 2048, 6, 128, 0.2, 64
+HEAD_EPOCHS = 2
 PANORAMA_WIDTH, VIEW_PX, VIEWS = 2048, 299, 8
 SIDES = {"inception_v3": 299, "resnet50": 224, "mobilenet_v1": 224}
 
@@ -55,8 +56,8 @@ def torch_training_step(name):
     return work
 
 
-def torch_head_epoch():
-    """One epoch of a head on features in memory, in shuffled batches."""
+def torch_head():
+    """Epochs of a head on features in memory, in shuffled batches."""
     import torch
     from torch import nn
 
@@ -70,7 +71,7 @@ def torch_head_epoch():
 
     def work(threads):
         torch.set_num_threads(threads)
-        for rows in torch.randperm(HEAD_ROWS).split(HEAD_BATCH):
+        for rows in (rows for _ in range(HEAD_EPOCHS) for rows in torch.randperm(HEAD_ROWS).split(HEAD_BATCH)):
             optimiser.zero_grad()
             torch.nn.functional.mse_loss(model(features[rows]), labels[rows]).backward()
             optimiser.step()
@@ -151,7 +152,7 @@ def works():
         if found("onnxruntime", "onnx", "numpy"):
             makers[f"onnxruntime/extraction/{name}"] = lambda name=name: onnx_extraction(name)
     if found("torch"):
-        makers["torch/head"] = torch_head_epoch
+        makers["torch/head"] = torch_head
     if found("cv2", "numpy"):
         makers["opencv/views"] = opencv_views
     return makers
