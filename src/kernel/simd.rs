@@ -124,6 +124,19 @@ pub fn prefetch(address: *const f32) {
     let _ = address;
 }
 
+/// Has the line of `address` brought to the first-level cache; any address will do, valid or not.
+#[inline(always)]
+pub fn prefetch_near(address: *const f32) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        // SAFETY: as for `prefetch`
+        unsafe { _mm_prefetch::<_MM_HINT_T0>(address.cast()) }
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = address;
+}
+
 /// A vector of `LANES` floats.
 ///
 /// # Safety

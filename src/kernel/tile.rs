@@ -4,7 +4,7 @@
 //! Matrix product and convolution are both this loop. The rows of the left factor are named by
 //! pointers, so a convolution needs no copy of its input; the right factor comes packed in panels.
 
-use super::simd::{Isa, Plain, Simd, prefetch};
+use super::simd::{Isa, Plain, Simd, prefetch, prefetch_near};
 #[cfg(target_arch = "x86_64")]
 use super::simd::{Ymm, Zmm};
 
@@ -99,47 +99,81 @@ unsafe fn run<S: Simd, const M: usize, const V: usize>(t: &Tile) {
     // SAFETY: the caller vouches for the pointers of the tile and for the instruction set
     unsafe {
         let sums = start::<S, M, V>(t);
-        // a constant step needs one register for all rows' places
-        let sums = if t.step == 1 { sum_up::<S, M, V>(t, 1, sums) } else { sum_up::<S, M, V>(t, t.step, sums) };
+        // a constant step needs one register for all rows' places, and two turns at once no further one
+        let sums = if t.step == 1 { sum_up::<S, M, V, 2>(t, 1, sums) } else { sum_up::<S, M, V, 1>(t, t.step, sums) };
         finish::<S, M, V>(t, sums);
     }
 }
 
+/// Rows of the panel between the one that is read and the one that is fetched to the first-level cache, about as far as
+/// the second-level cache is away.
+const NEAR: usize = 12;
+
+/// A turn of the loop takes `U` elements of each row.
 // Loops over M and V have constant bounds and no early end, or the sums would live in memory and not in registers.
 #[inline(always)]
-#[allow(clippy::needless_range_loop)]
-unsafe fn sum_up<S: Simd, const M: usize, const V: usize>(t: &Tile, step: usize, mut sums: [[S; V]; M]) -> [[S; V]; M] {
+unsafe fn sum_up<S: Simd, const M: usize, const V: usize, const U: usize>(
+    t: &Tile,
+    step: usize,
+    mut sums: [[S; V]; M],
+) -> [[S; V]; M] {
     // SAFETY: as for `run`
     unsafe {
         let mut panel = t.panel;
         // what stands behind this panel is needed next, and comes from the third-level cache or from memory; of a strided left
         // factor many tiles share a panel that was packed just now
-        let ahead = t.taps * t.len * V * S::LANES;
+        let ahead = (step == 1).then_some(t.taps * t.len * V * S::LANES);
         for tap in 0..t.taps {
             let mut rows = [std::ptr::null::<f32>(); M];
             for (r, row) in rows.iter_mut().enumerate() {
                 *row = (*t.rows.add(tap * M + r)).add(t.offset);
             }
-            for i in 0..t.len {
-                let mut b = [S::splat(0.0); V];
-                for (v, b) in b.iter_mut().enumerate() {
-                    *b = S::load(panel.add(v * S::LANES));
+            let turns = t.len / U;
+            for turn in 0..turns {
+                for i in 0..U {
+                    let place = (turn * U + i) * step;
+                    add_products(&rows, place, panel.add(i * V * S::LANES), ahead, &mut sums);
                 }
-                for r in 0..M {
-                    let a = S::splat(*rows[r].add(i * step));
-                    for v in 0..V {
-                        sums[r][v] = a.fma(b[v], sums[r][v]);
-                    }
-                }
-                if step == 1 {
-                    for v in 0..V {
-                        prefetch(panel.wrapping_add(ahead + v * S::LANES));
-                    }
-                }
+                panel = panel.add(U * V * S::LANES);
+            }
+            for i in turns * U..t.len {
+                add_products(&rows, i * step, panel, ahead, &mut sums);
                 panel = panel.add(V * S::LANES);
             }
         }
         sums
+    }
+}
+
+/// Adds the products of what stands at `place` of each row with a row of the panel; what will be read soon, and what is
+/// `ahead`, is fetched.
+#[inline(always)]
+#[allow(clippy::needless_range_loop)]
+unsafe fn add_products<S: Simd, const M: usize, const V: usize>(
+    rows: &[*const f32; M],
+    place: usize,
+    panel: *const f32,
+    ahead: Option<usize>,
+    sums: &mut [[S; V]; M],
+) {
+    // SAFETY: as for `run`
+    unsafe {
+        let mut b = [S::splat(0.0); V];
+        for (v, b) in b.iter_mut().enumerate() {
+            *b = S::load(panel.add(v * S::LANES));
+        }
+        for r in 0..M {
+            let a = S::splat(*rows[r].add(place));
+            for v in 0..V {
+                sums[r][v] = a.fma(b[v], sums[r][v]);
+            }
+        }
+        for v in 0..V {
+            prefetch_near(panel.wrapping_add((NEAR * V + v) * S::LANES));
+            if let Some(ahead) = ahead {
+                prefetch(panel.wrapping_add(ahead + v * S::LANES));
+            }
+        }
     }
 }
 

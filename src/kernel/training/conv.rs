@@ -7,6 +7,7 @@ use super::windows::{Axis, Phase, Windows};
 use crate::kernel::buffer::Buffer;
 use crate::kernel::map::{Shape, View, ViewMut, Window};
 use crate::kernel::simd::{Isa, isa};
+use crate::kernel::transpose::transpose_apart;
 
 /// A convolution that is given its weights (window row × window column × inputs × outputs) at each call.
 ///
@@ -99,7 +100,8 @@ impl TrainableConv {
         let taps = rows.taps().flat_map(|ky| columns.taps().map(move |kx| ky * self.window.width + kx));
         let fill = |first: usize, width: usize, stride: usize, panel: &mut [f32]| {
             for (tap, panel) in taps.clone().zip(panel.chunks_exact_mut(outputs * stride)) {
-                transpose(&weights[(tap * inputs + first) * outputs..][..width * outputs], outputs, panel, stride);
+                let rows = &weights[(tap * inputs + first) * outputs..];
+                transpose_apart(self.isa, [width, outputs], rows, panel, stride);
             }
         };
         let depth = rows.taps * columns.taps * outputs;
@@ -115,18 +117,5 @@ impl TrainableConv {
     pub fn by_weights(&self, x: View, dy: View, dw: &mut [f32], accumulate: bool) {
         self.check(x.shape, dy.shape, dw.len());
         WeightGradient::new(self.isa, self.window, x, dy).run(dw, accumulate);
-    }
-}
-
-/// Writes rows of `columns` floats as columns of `panel`, whose rows are `stride` apart, in small squares so that reads and
-/// writes both stay within a few cache lines.
-fn transpose(rows: &[f32], columns: usize, panel: &mut [f32], stride: usize) {
-    const SIDE: usize = 16;
-    for c0 in (0..columns).step_by(SIDE) {
-        for (r, row) in rows.chunks_exact(columns).enumerate() {
-            for (c, value) in row.iter().enumerate().skip(c0).take(SIDE) {
-                panel[c * stride + r] = *value;
-            }
-        }
     }
 }
