@@ -111,6 +111,14 @@ pub fn contrasts(
     })
 }
 
+/// Why the views on which two runs were measured cannot be paired; `None` if they are the same.
+///
+/// # Errors
+/// As [`contrasts`].
+pub fn why_unpaired(subset: Subset, arm: Arm, runs: [&[Vec<Prediction>]; 2]) -> Result<Option<String>, Error> {
+    Ok(Sample::new(subset, arm, runs[0])?.unpaired(&Sample::new(subset, arm, runs[1])?))
+}
+
 /// Sums of errors of one panorama, for each quantity and refit.
 type Record = Vec<Vec<Sums>>;
 
@@ -276,7 +284,9 @@ mod tests {
         let (a, b) = (vec![refit(8, 1.0, 1)], vec![refit(8, 0.97, 3)]);
         let (there, back) = (compared(&a, &b), compared(&b, &a));
         for (x, y) in there.rows.iter().zip(&back.rows).take(3) {
-            assert!((x.difference + y.difference).abs() < 1e-9 * x.first && (x.ci_low + y.ci_high).abs() < 1e-9 * x.first);
+            assert!(
+                (x.difference + y.difference).abs() < 1e-9 * x.first && (x.ci_low + y.ci_high).abs() < 1e-9 * x.first
+            );
             assert_eq!(x.p, y.p);
         }
     }

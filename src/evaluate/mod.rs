@@ -10,7 +10,7 @@ mod metrics;
 mod sample;
 mod seeds;
 
-pub use between::{CONTRASTED, Contrast, ContrastMethod, Contrasts, contrasts};
+pub use between::{CONTRASTED, Contrast, ContrastMethod, Contrasts, contrasts, why_unpaired};
 pub use comparison::{Comparison, Reduction, comparisons, reduction_percent};
 pub use controls::{PENALTIES, predict_the_mean, spectrum_control};
 pub use files::{

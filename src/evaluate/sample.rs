@@ -45,13 +45,20 @@ impl Sample {
         if a.len() != b.len() {
             return Some(format!("{} views and {} views", a.len(), b.len()));
         }
-        let named = |p: &Prediction| format!("view {} of panorama {}", p.view, p.panorama.get(..8).unwrap_or(&p.panorama));
+        let named =
+            |p: &Prediction| format!("view {} of panorama {}", p.view, p.panorama.get(..8).unwrap_or(&p.panorama));
         let label = |p: &Prediction| (p.f_true.to_bits(), p.xi_true.to_bits());
-        let (a, b) = a.iter().zip(b).find(|(a, b)| {
-            (a.view, &a.panorama, label(a)) != (b.view, &b.panorama, label(b))
-        })?;
+        let (a, b) =
+            a.iter().zip(b).find(|(a, b)| (a.view, &a.panorama, label(a)) != (b.view, &b.panorama, label(b)))?;
         Some(if (a.view, &a.panorama) == (b.view, &b.panorama) {
-            format!("{} has f = {} px, ξ = {} and f = {} px, ξ = {}", named(a), a.f_true, a.xi_true, b.f_true, b.xi_true)
+            format!(
+                "{} has f = {} px, ξ = {} and f = {} px, ξ = {}",
+                named(a),
+                a.f_true,
+                a.xi_true,
+                b.f_true,
+                b.xi_true
+            )
         } else {
             format!("{} and {}", named(a), named(b))
         })

@@ -66,7 +66,8 @@ fn permutation_tests_of_two_samples_are_those_of_scipy() {
     let samples = |name: &str| golden[name].as_array().unwrap().iter().map(numbers).collect::<Vec<_>>();
     let pool = [samples("x"), samples("y")].concat();
     let size_of = |first: &[bool], wanted: bool| {
-        let chosen: Vec<f64> = pool.iter().zip(first).filter(|(_, f)| **f == wanted).flat_map(|(v, _)| v.clone()).collect();
+        let chosen: Vec<f64> =
+            pool.iter().zip(first).filter(|(_, f)| **f == wanted).flat_map(|(v, _)| v.clone()).collect();
         mean(&chosen.iter().map(|x| x.abs()).collect::<Vec<_>>()).unwrap()
     };
     let statistics = |first: &[bool]| vec![size_of(first, false) - size_of(first, true)];

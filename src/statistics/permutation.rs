@@ -54,11 +54,7 @@ impl Permutation {
     /// Tests of two independent samples of `sizes` clusters: each cluster may belong to either.
     ///
     /// `statistics` is given, for each cluster, whether it belongs to the first sample.
-    pub fn independent(
-        &self,
-        sizes: [usize; 2],
-        statistics: impl Fn(&[bool]) -> Vec<f64> + Sync,
-    ) -> Vec<Significance> {
+    pub fn independent(&self, sizes: [usize; 2], statistics: impl Fn(&[bool]) -> Vec<f64> + Sync) -> Vec<Significance> {
         let clusters = sizes[0] + sizes[1];
         let labels: Vec<bool> = (0..clusters).map(|i| i < sizes[0]).collect();
         let observed = statistics(&labels);
@@ -105,11 +101,7 @@ fn all_of(
 }
 
 /// For each statistic, how many arrangements have a value at least as far from 0 as the observed one.
-fn extremes(
-    observed: &[f64],
-    arrangements: &[Vec<bool>],
-    statistics: impl Fn(&[bool]) -> Vec<f64> + Sync,
-) -> Vec<u64> {
+fn extremes(observed: &[f64], arrangements: &[Vec<bool>], statistics: impl Fn(&[bool]) -> Vec<f64> + Sync) -> Vec<u64> {
     let values: Vec<Vec<f64>> = arrangements.par_iter().map(|arrangement| statistics(arrangement)).collect();
     let extreme = |k: usize, value: f64| value.abs() >= observed[k].abs() * (1.0 - ROUNDING);
     (0..observed.len()).map(|k| values.iter().filter(|v| extreme(k, v[k])).count() as u64).collect()
