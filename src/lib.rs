@@ -20,6 +20,7 @@ pub mod evaluate;
 pub mod tables;
 pub mod figures;
 pub mod report;
+pub mod compare;
 
 pub mod study;
 

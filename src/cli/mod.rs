@@ -4,6 +4,7 @@
 
 mod args;
 mod check;
+mod compare;
 mod config;
 mod interrupt;
 mod plan;
@@ -70,6 +71,7 @@ fn dispatch(cli: &Cli) -> Result<(), Failure> {
     match &cli.command {
         Command::Run(args) => run::run(&cli.global, args),
         Command::Verify(args) => verify::verify(&cli.global, args),
+        Command::Compare(args) => compare::compare(&cli.global, args),
         Command::Check(args) => check::check(args),
         Command::Plan(args) => plan::plan(&cli.global, args),
         Command::Config(args) => config::config(args),
@@ -124,6 +126,28 @@ fn load_experiment(args: &ExperimentArgs) -> Result<Box<LoadedExperiment>, Failu
             Err(Failure::input(message))
         }
     }
+}
+
+/// The experiment with its own seed, and with each of the `seeds` − 1 after it.
+fn load_seeds(args: &ExperimentArgs, seeds: u32) -> Result<Vec<LoadedExperiment>, Failure> {
+    let first = load_experiment(args)?;
+    let profile = args.profile.map(args::ProfileArg::name);
+    let mut all = Vec::new();
+    for i in 1..u64::from(seeds) {
+        let seed = first.spec.seed.checked_add(i).ok_or_else(|| {
+            Failure::input(format!(
+                "error: there are no {seeds} seeds from {} on\nhint: `--set seed=1`",
+                first.spec.seed
+            ))
+        })?;
+        let sets = [args.sets.as_slice(), &[format!("seed={seed}")]].concat();
+        match load_file(&args.file, profile, &sets)? {
+            Loaded::Experiment(experiment) => all.push(*experiment),
+            Loaded::Suite(_) => unreachable!("it is an experiment with its own seed"),
+        }
+    }
+    all.insert(0, *first);
+    Ok(all)
 }
 
 fn config_failure(errors: &ConfigErrors) -> Failure {

@@ -19,7 +19,7 @@ pub use file::{AtomicFile, copy, create_dir, make, read, read_to_string, remove_
 pub use hash::{Hash, Hasher, hash_bytes, hash_file, hash_json};
 pub use log::AppendLog;
 pub use presence::Presence;
-pub use run_folder::{Opened, RunFolder, SUMS};
+pub use run_folder::{Opened, RunFolder, SUMS, runs};
 pub use shared_log::{SharedLog, SharedLogGuard, unique_word};
 pub use tensor::TensorBytes;
 

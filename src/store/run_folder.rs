@@ -91,6 +91,39 @@ impl RunFolder {
     }
 }
 
+/// Folders of runs under `results`, finished or not, in the order of their names. Other folders, as those of references,
+/// are none.
+pub fn runs(results: &Path) -> Result<Vec<PathBuf>, Error> {
+    let mut found = Vec::new();
+    for experiment in folders(results)? {
+        found.extend(folders(&experiment)?.into_iter().filter(|path| is_run_id(path)));
+    }
+    found.sort();
+    Ok(found)
+}
+
+/// Folders in `parent`; none if it does not exist.
+fn folders(parent: &Path) -> Result<Vec<PathBuf>, Error> {
+    let entries = match std::fs::read_dir(parent) {
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
+        other => other.map_err(|e| Error::io("read", parent, e))?,
+    };
+    let paths = entries.map(|entry| entry.map(|e| e.path()).map_err(|e| Error::io("read", parent, e)));
+    let paths = paths.collect::<Result<Vec<_>, _>>()?;
+    Ok(paths.into_iter().filter(|path| path.is_dir()).collect())
+}
+
+/// Whether a folder's name is `s<seed>-<hash>-<n>`.
+fn is_run_id(path: &Path) -> bool {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let parts: Vec<&str> = name.split('-').collect();
+    let number = |text: &str| !text.is_empty() && text.bytes().all(|b| b.is_ascii_digit());
+    match parts[..] {
+        [seed, hash, n] => seed.strip_prefix('s').is_some_and(number) && hash.len() == 8 && number(n),
+        _ => false,
+    }
+}
+
 /// What a killed process left half-written; only the holder of the lock may look.
 fn remove_partial_files(folder: &Path) -> Result<(), Error> {
     for entry in std::fs::read_dir(folder).map_err(|e| Error::io("read", folder, e))? {
@@ -154,6 +187,17 @@ mod tests {
         drop(run);
         let Opened::Unfinished(run) = open(results.path(), false) else { panic!() };
         assert!(!run.join("tables/.partial-Xy1").exists());
+    }
+
+    #[test]
+    fn runs_are_listed_and_other_folders_are_not() {
+        let results = tempfile::tempdir().unwrap();
+        let Opened::Unfinished(run) = open(results.path(), false) else { panic!() };
+        for other in ["reference/study-desk", ".cache/features/ab", "study/s7-abc-1", "study/plots"] {
+            create_dir(&results.path().join(other)).unwrap();
+        }
+        assert_eq!(runs(results.path()).unwrap(), [run.path()]);
+        assert!(runs(&results.path().join("nowhere")).unwrap().is_empty());
     }
 
     #[test]

@@ -14,6 +14,7 @@ mod networks;
 mod plain;
 mod predictions;
 pub mod published;
+mod seeds;
 mod values;
 
 #[cfg(test)]
@@ -29,7 +30,8 @@ pub use layout::{
 pub use markdown::markdown;
 pub use model::{Cell, Column, Kind, Table};
 pub use networks::{MeasuredRun, by_kind};
-pub use plain::plain;
+pub use plain::{plain, plain_within};
+pub use seeds::over_seeds;
 
 use artefacts::RunArtefacts;
 use published::Published;

@@ -6,6 +6,7 @@
 mod architecture;
 mod bad_input;
 mod command_line;
+mod compare;
 mod optuna_storage;
 mod panoramas;
 mod pins;
