@@ -65,6 +65,8 @@ pub enum Command {
     Verify(VerifyArgs),
     /// Compare finished runs: the same to the byte or where first not, settings, errors, seeds, searches.
     Compare(CompareArgs),
+    /// Make the tables of finished runs from their artefacts, beside the published values; nothing is trained.
+    Tables(TablesArgs),
     /// Check experiment files without computing anything.
     Check(CheckArgs),
     /// Show the stages of an experiment: cached or to run, why, and for how long.
@@ -204,6 +206,39 @@ pub struct VerifyArgs {
     /// Make every artefact anew, without the cache.
     #[arg(long)]
     pub fresh: bool,
+}
+
+/// `panotune tables`.
+#[derive(Debug, Clone, Args)]
+pub struct TablesArgs {
+    /// Folders of finished runs; Tables 2 and 3 then have a row for each [default: the newest of each experiment].
+    #[arg(value_name = "RUN", conflicts_with = "audit")]
+    pub runs: Vec<String>,
+    /// Hold the paper's own figures against each other instead: which follow, and which cannot be.
+    #[arg(long)]
+    pub audit: bool,
+    /// Only this table, e.g. `table_5`, `published`, `controls`, `summary`; may be given several times.
+    #[arg(long = "only", value_name = "TABLE")]
+    pub only: Vec<String>,
+    /// How they are printed.
+    #[arg(long, value_enum, default_value_t = TableFormat::Plain)]
+    pub format: TableFormat,
+    /// Write them to this folder, as Markdown, LaTeX, CSV and Parquet, instead of printing them.
+    #[arg(long, value_name = "DIR", conflicts_with = "format")]
+    pub out: Option<PathBuf>,
+}
+
+/// Formats in which tables are printed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum TableFormat {
+    /// Aligned columns.
+    Plain,
+    /// GitHub-flavoured Markdown.
+    Markdown,
+    /// LaTeX that needs booktabs.
+    Latex,
+    /// Comma-separated values with unrounded numbers.
+    Csv,
 }
 
 /// A share above 0 and up to 1, as `10%` or `0.1`.

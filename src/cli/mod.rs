@@ -11,6 +11,7 @@ mod plan;
 mod progress;
 mod run;
 mod study;
+mod tables;
 mod verify;
 mod weights;
 
@@ -72,6 +73,7 @@ fn dispatch(cli: &Cli) -> Result<(), Failure> {
         Command::Run(args) => run::run(&cli.global, args),
         Command::Verify(args) => verify::verify(&cli.global, args),
         Command::Compare(args) => compare::compare(&cli.global, args),
+        Command::Tables(args) => tables::tables(&cli.global, args),
         Command::Check(args) => check::check(args),
         Command::Plan(args) => plan::plan(&cli.global, args),
         Command::Config(args) => config::config(args),

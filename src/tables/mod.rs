@@ -1,6 +1,8 @@
 //! Tables 1 to 7 as Markdown, LaTeX, CSV and Parquet. Reads artefacts; computes no metric.
 
 pub mod artefacts;
+mod audit;
+mod beside;
 mod comparisons;
 mod errors;
 mod files;
@@ -20,7 +22,8 @@ mod values;
 #[cfg(test)]
 mod fixture;
 
-pub use files::{WriteError, write};
+pub use audit::audit;
+pub use files::{WriteError, csv, write};
 pub use gallery::write_gallery;
 pub use latex::latex;
 pub use layout::{
@@ -39,7 +42,7 @@ use published::Published;
 use crate::config::spec::CompareWith;
 use crate::evaluate::Quantity;
 
-/// All tables of a run: Tables 1 to 7, then `controls` and `summary`.
+/// All tables of a run: Tables 1 to 7, then `published` (if it is compared with the paper), `controls` and `summary`.
 ///
 /// # Errors
 /// [`published::Error`], if the embedded published values do not parse; a bug.
@@ -52,6 +55,7 @@ pub fn tables(run: &RunArtefacts) -> Result<Vec<Table>, published::Error> {
         tables.push(predictions::table(run, quantity, published));
         tables.push(errors::with_and_without(run, quantity, published));
     }
+    tables.extend(published.map(|published| beside::table(run, published)));
     tables.push(comparisons::controls(run, &Quantity::ALL));
     tables.push(comparisons::summary(run));
     Ok(tables)

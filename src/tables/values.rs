@@ -30,6 +30,17 @@ pub(super) fn estimate(run: &RunArtefacts, subset: Subset, arm: Arm, q: Quantity
     }
 }
 
+/// By how much, in percent, the tuned arm's statistic is smaller than that of `against`.
+pub(super) fn reduction(run: &RunArtefacts, quantity: Quantity, metric: Metric, against: Arm) -> Cell {
+    let compared = run.comparisons.iter().find(|c| {
+        c.subset == Subset::Test && (c.arm, c.against, c.quantity, c.metric) == (Arm::Tuned, against, quantity, metric)
+    });
+    compared.and_then(|c| Some((c.reduction?, c.n_panoramas))).map_or(Cell::Missing, |(r, panoramas)| {
+        let interval = (panoramas > 1).then_some((r.ci_low, r.ci_high));
+        Cell::Estimate { value: r.percent, spread: None, interval, decimals: 2 }
+    })
+}
+
 /// Decimals shown of a quantity, as the paper shows them.
 pub(super) fn decimals(quantity: Quantity) -> usize {
     match quantity {
