@@ -15,5 +15,6 @@ mod reruns;
 mod study_commands;
 mod shared_study;
 mod support;
+mod tables;
 mod tuning;
 mod verify;
