@@ -140,7 +140,7 @@ fn metrics_decide_if_asked(at: &Path, b: &Path, pair: &[&str]) {
     };
     with_changed(&b.join("metrics.json"), nudge, || {
         let first = &compare(at, &with(&[]), 3)["first_difference"];
-        assert_eq!((&first["what"], &first["key"]), (&json!("metric"), &json!("validation baseline 0 xi mse")));
+        assert_eq!((&first["what"], &first["key"]), (&json!("metric"), &json!("validation baseline 1 f_px mse")));
         assert_eq!(compare(at, &with(&["--tolerance", "1e-6"]), 0)["metrics_only"], json!(1e-6));
     });
     let said = fail_with(2, panotune(at).arg("compare").args(pair).args(["--tolerance", "1e-6"]));
