@@ -12,7 +12,7 @@ use crate::store;
 /// No such run, or several, which are listed.
 pub fn find(name: &str, results: &Path) -> Result<PathBuf, Error> {
     let path = PathBuf::from(name);
-    if path.is_dir() && !is_experiment(&path) {
+    if ["resolved.yaml", "runs.json"].iter().any(|file| path.join(file).is_file()) {
         return Ok(path);
     }
     let runs: Vec<(String, PathBuf)> =
@@ -29,6 +29,8 @@ pub fn find(name: &str, results: &Path) -> Result<PathBuf, Error> {
     match (found.as_slice(), whole.as_slice()) {
         ([one], _) => Ok(one.0.1.clone()),
         (_, [one]) => Ok(one.0.1.clone()),
+        // a folder, of which its reader says what is missing
+        ([], _) if path.is_dir() => Ok(path),
         ([], _) => Err(Error::NotFound {
             name: name.to_owned(),
             results: results.to_owned(),
@@ -36,13 +38,6 @@ pub fn find(name: &str, results: &Path) -> Result<PathBuf, Error> {
         }),
         _ => Err(Error::Ambiguous { name: name.to_owned(), candidates: names(&mut found.iter().map(|(run, _)| *run)) }),
     }
-}
-
-/// Whether a folder holds runs and is none.
-fn is_experiment(path: &Path) -> bool {
-    let parent = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    !path.join("resolved.yaml").exists()
-        && store::runs(parent).unwrap_or_default().iter().any(|run| run.parent() == Some(path))
 }
 
 /// A run's name below `results`.
@@ -82,7 +77,5 @@ mod tests {
         assert!(several.contains("several") && several.ends_with("a/s12-00000000-1\n  a/s12-00000000-2"), "{several}");
         assert!(said("s1").contains("b/s1-11111111-1") && said("s1").contains("a/s1-00000000-1"));
         assert!(said("c").contains("no run `c`") && said("c").contains("b/s3-22222222-1"));
-        let experiment = results.path().join("b");
-        assert!(said(experiment.to_str().unwrap()).contains("no run"));
     }
 }

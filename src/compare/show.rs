@@ -7,15 +7,17 @@ use super::tables::{self, For};
 use super::{Comparison, Error};
 use crate::figures::{self, Curve, Figure};
 use crate::store::write_json;
-use crate::tables::{Table, plain_within, write as write_tables};
+use crate::tables::{Table, plain_within, wrapped, write as write_tables};
 
 /// Width of what is printed.
 const WIDTH: usize = 80;
 
-/// The comparison as text, 80 characters wide but for long names.
+/// The comparison as text, 80 characters wide but for long names. Of runs that are the same to the byte there is no more
+/// to say.
 pub fn terminal(comparison: &Comparison) -> String {
     let mut parts = vec![print(&tables::runs(comparison))];
-    parts.extend(comparison.identities.iter().map(identity));
+    let groups = !comparison.spreads.is_empty();
+    parts.extend(comparison.identities.iter().map(|pair| identity(pair, groups)));
     if let Some(tolerance) = comparison.metrics_only {
         parts.push(metrics_only(comparison, tolerance));
     }
@@ -23,8 +25,11 @@ pub fn terminal(comparison: &Comparison) -> String {
         let width = (WIDTH - 30) / comparison.settings_of.len().max(2) - 2;
         parts.push(print(&tables::settings(comparison, width)));
     }
+    if comparison.compares() && comparison.same && comparison.metrics_only.is_none() {
+        return parts.join("\n");
+    }
     parts.extend(comparison.metrics.iter().map(|pair| print(&tables::errors(comparison, pair, For::Terminal))));
-    if !comparison.spreads.is_empty() {
+    if groups {
         parts.push(print(&tables::spread(comparison)));
     }
     parts.extend(comparison.groups.iter().map(|pair| print(&tables::groups(comparison, pair, For::Terminal))));
@@ -41,29 +46,30 @@ fn print(table: &Table) -> String {
     plain_within(table, WIDTH)
 }
 
-/// Whether a pair is the same; if not, where first, what else, and what may be the reason.
-fn identity(identity: &Identity) -> String {
+/// Whether a pair is the same; if not, where first, what else unless it is to be `brief`, and what may be the reason.
+fn identity(identity: &Identity, brief: bool) -> String {
     let count = |state| identity.artefacts.iter().filter(|artefact| artefact.state == state).count();
     let (all, same) = (identity.artefacts.len(), count(State::Same));
     let (a, b) = (&identity.first, &identity.second);
     let mut text = match &identity.first_difference {
         None => format!("{a} and {b} are the same to the byte: {all} exact artefacts.\n"),
-        Some(found) => {
-            let counts = format!("{} of {all} exact artefacts are not the same.", all - same);
-            format!(
-                "{a} and {b} differ, first in {found}.\n{counts}\n{}",
-                plain_within(&tables::artefacts(identity), WIDTH)
-            )
-        }
+        Some(found) => format!(
+            "{a} and {b} differ, first in\n{}{} of {all} exact artefacts are not the same.\n{}",
+            wrapped(&found.to_string(), WIDTH),
+            all - same,
+            if brief { String::new() } else { format!("\n{}", plain_within(&tables::artefacts(identity), WIDTH)) }
+        ),
     };
+    let fields = identity.provenance.iter().filter(|_| !identity.same);
+    let fields: Vec<String> = fields.map(|(field, [first, second])| format!("{field} ({first}; {second})")).collect();
+    if !fields.is_empty() {
+        text += &wrapped(&format!("Made with another {}.", fields.join(", ")), WIDTH);
+    }
     if identity.by_checksum > 0 {
-        text += &format!("Of {} artefacts a folder has only the checksum.\n", identity.by_checksum);
+        text += &wrapped(&format!("Of {} artefacts a folder has only the checksum.", identity.by_checksum), WIDTH);
     }
     if !identity.damaged.is_empty() {
-        text += &format!("Not as the run wrote it: {}.\n", identity.damaged.join(", "));
-    }
-    for (field, [first, second]) in identity.provenance.iter().filter(|_| !identity.same) {
-        text += &format!("  {field}: {first} in {a}, {second} in {b}\n");
+        text += &wrapped(&format!("Not as the run wrote it: {}.", identity.damaged.join(", ")), WIDTH);
     }
     text
 }
@@ -72,7 +78,7 @@ fn metrics_only(comparison: &Comparison, tolerance: f64) -> String {
     let how = if tolerance == 0.0 { "to the bit".to_owned() } else { format!("within {tolerance} of themselves") };
     match &comparison.first_difference {
         None => format!("All metrics are the same {how}.\n"),
-        Some(found) => format!("Metrics are not the same {how}, first in {found}.\n"),
+        Some(found) => format!("Metrics are not the same {how}, first in\n{}", wrapped(&found.to_string(), WIDTH)),
     }
 }
 

@@ -102,9 +102,10 @@ impl Difference<'_> {
     fn cells(&self, wanted: For) -> Vec<Cell> {
         let (name, metric, unit) = self.words;
         let decimals = decimals(self.values[0], self.values[1]);
-        let mut cells = vec![Cell::text(name), Cell::text(metric)];
-        if wanted == For::Files {
-            cells.push(Cell::text(unit));
+        let mut cells = vec![Cell::text(name)];
+        match wanted {
+            For::Files => cells.extend([metric, unit].map(Cell::text)),
+            For::Terminal => cells.push(Cell::text(with_unit(metric, unit))),
         }
         cells.extend(self.values.map(|value| Cell::number(value, decimals)));
         if wanted == For::Files {
@@ -115,6 +116,11 @@ impl Difference<'_> {
         cells.push(Cell::text(self.sentence));
         cells
     }
+}
+
+/// e.g. `MSE (px²)`.
+fn with_unit(metric: &str, unit: &str) -> String {
+    if unit.is_empty() { metric.to_owned() } else { format!("{metric} ({unit})") }
 }
 
 fn difference_table(id: &str, title: String, [a, b]: [&str; 2], wanted: For) -> Table {
@@ -190,8 +196,9 @@ fn panoramas(n: u32) -> &'static str {
 fn holm_note(rows: usize) -> String {
     format!(
         "p is two-sided; p (Holm) is corrected for {rows} rows. “Cannot tell” stands where no data could give a p (Holm) of \
-         {:.2}.",
-        1.0 - CONFIDENCE
+         {:.2}. In brackets: the {} % interval of the difference, second minus first unless it says lower.",
+        1.0 - CONFIDENCE,
+        100.0 * CONFIDENCE
     )
 }
 
@@ -215,10 +222,10 @@ pub(super) fn spread(comparison: &Comparison) -> Table {
     let mut table = table("spread", title, columns);
     for group in &comparison.spreads {
         for row in &group.rows {
-            let (name, metric, _) = words(row.quantity, row.metric);
+            let (name, metric, unit) = words(row.quantity, row.metric);
             let decimals = decimals(row.mean, row.mean);
             let number = |value: Option<f64>| value.map_or(Cell::Missing, |v| Cell::number(v, decimals));
-            let mut cells = vec![Cell::text(&group.group), Cell::text(name), Cell::text(metric)];
+            let mut cells = vec![Cell::text(&group.group), Cell::text(name), Cell::text(with_unit(metric, unit))];
             cells.extend([Some(row.mean), row.sd, row.sd_views, row.sd_seeds, row.sd_refits].map(number));
             table.rows.push(cells);
         }

@@ -225,10 +225,10 @@ mod tests {
         let mae = &spread_of(&views_only)[0];
         // sd of a mean over 20 panoramas: sqrt((25 + 1/4)/20) = 1.12
         assert!((mae.sd_views.unwrap() - 1.12).abs() < 0.08, "{mae:?}");
-        assert!(mae.sd_seeds.unwrap() < 0.6 && (mae.sd.unwrap() - 1.12).abs() < 0.4, "{mae:?}");
+        assert!(mae.sd_seeds.unwrap() < 0.9 && (mae.sd.unwrap() - 1.12).abs() < 0.4, "{mae:?}");
         let both: Vec<_> = (0..40).map(|seed| run(seed, 6.0, 20)).collect();
         let mae = &spread_of(&both)[0];
-        assert!((mae.sd_views.unwrap() - 1.12).abs() < 0.08 && (4.5..7.5).contains(&mae.sd_seeds.unwrap()), "{mae:?}");
+        assert!((mae.sd_views.unwrap() - 1.12).abs() < 0.08 && (4.0..8.0).contains(&mae.sd_seeds.unwrap()), "{mae:?}");
         let [sd, views, seeds] = [mae.sd, mae.sd_views, mae.sd_seeds].map(|x| x.unwrap() * x.unwrap());
         assert!((sd - views - seeds).abs() < 1e-9 * sd);
     }

@@ -137,7 +137,7 @@ mod tests {
 
     /// Mean of values whose signs are those of the exchanges.
     fn mean_of<'a>(values: &'a [f64]) -> impl Fn(&[bool]) -> Vec<f64> + Sync + 'a {
-        |swapped| vec![values.iter().zip(swapped).map(|(v, s)| if *s { -v } else { *v }).sum::<f64>()]
+        move |swapped| vec![values.iter().zip(swapped).map(|(v, s)| if *s { -v } else { *v }).sum::<f64>()]
     }
 
     #[test]

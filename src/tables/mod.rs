@@ -33,6 +33,7 @@ pub use layout::{
 pub use markdown::markdown;
 pub use model::{Cell, Column, Kind, Table};
 pub use networks::{MeasuredRun, by_kind};
+pub(crate) use plain::wrapped;
 pub use plain::{plain, plain_within};
 pub use seeds::over_seeds;
 

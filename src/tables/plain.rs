@@ -40,8 +40,8 @@ fn line(table: &Table, cells: &[String], widths: &[usize]) -> String {
     format!("{}\n", padded.collect::<Vec<_>>().join("  ").trim_end())
 }
 
-/// `note` broken between words, indented by two spaces.
-fn wrapped(note: &str, width: usize) -> String {
+/// `note` broken between words, indented by two spaces; ends with a line break.
+pub(crate) fn wrapped(note: &str, width: usize) -> String {
     let mut text = String::from(" ");
     let mut used = 1;
     for word in note.split_whitespace() {
