@@ -20,6 +20,10 @@ pub mod evaluate;
 pub mod tables;
 pub mod figures;
 pub mod report;
+pub mod live;
+pub mod gc;
+pub mod archive;
+pub mod serve;
 
 pub mod study;
 

@@ -11,6 +11,8 @@ use super::{Error, Hash, Hasher, hash_file, hash_json};
 
 const MANIFEST: &str = "MANIFEST.json";
 const FORMAT: u32 = 1;
+/// How the name of the file begins whose lock protects an artefact.
+const LOCK: &str = ".lock-";
 /// Digits of a key in the name of an artefact's folder.
 const KEY_DIGITS: usize = 32;
 
@@ -91,7 +93,8 @@ impl Cache {
             Err(Error::Damaged { .. }) => remove_dir(&self.folder(stage, key))?,
             Err(other) => return Err(other.into()),
         }
-        let writer = ArtefactWriter { folder: self.root.join(stage).join(format!("{PARTIAL}{}", key.short(KEY_DIGITS))) };
+        let writer =
+            ArtefactWriter { folder: self.root.join(stage).join(format!("{PARTIAL}{}", key.short(KEY_DIGITS))) };
         remove_dir(&writer.folder)?;
         create_dir(&writer.folder)?;
         write(&writer)?;
@@ -138,6 +141,12 @@ impl Cache {
         self.root.join(&cached.stage).join(format!("{partial}{}", cached.key))
     }
 
+    /// Whether a process makes or opens a listed artefact just now. Nothing is written.
+    pub fn is_busy(&self, cached: &Cached) -> bool {
+        let lock = File::open(self.root.join(&cached.stage).join(format!("{LOCK}{}", cached.key)));
+        lock.is_ok_and(|file| matches!(file.try_lock_shared(), Err(std::fs::TryLockError::WouldBlock)))
+    }
+
     /// Locks a listed artefact, so that no process makes or opens it; `None` if one does so just now.
     ///
     /// # Errors
@@ -161,7 +170,7 @@ impl Cache {
     fn lock_file(&self, stage: &str, key: &str) -> Result<(File, PathBuf), Error> {
         let folder = self.root.join(stage);
         create_dir(&folder)?;
-        let path = folder.join(format!(".lock-{key}"));
+        let path = folder.join(format!("{LOCK}{key}"));
         let file = File::options().create(true).append(true).open(&path).map_err(|e| Error::io("create", &path, e))?;
         Ok((file, path))
     }

@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use tempfile::TempDir;
 
-use super::file::{PARTIAL, create_dir, remove_dir, sync_dir};
 use super::Error;
+use super::file::{PARTIAL, create_dir, remove_dir, sync_dir};
 
 /// How the names of folders that are being removed begin.
 const REMOVED: &str = ".removed-";

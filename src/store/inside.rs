@@ -60,9 +60,22 @@ mod tests {
     #[test]
     fn paths_that_leave_the_folder_are_no_paths() {
         assert_eq!(safe_segments("tables/table_1.md"), Some(vec!["tables", "table_1.md"]));
-        for path in
-            ["", "/", "/etc/passwd", "a//b", "..", "a/../b", "a/.", ".lock", "a\\..\\b", "C:/x", "C:", "a\0b", "a\nb", "a/"]
-        {
+        for path in [
+            "",
+            "/",
+            "/etc/passwd",
+            "a//b",
+            "..",
+            "a/../b",
+            "a/.",
+            ".lock",
+            "a\\..\\b",
+            "C:/x",
+            "C:",
+            "a\0b",
+            "a\nb",
+            "a/",
+        ] {
             assert_eq!(safe_segments(path), None, "{path:?}");
         }
     }

@@ -149,7 +149,14 @@ mod tests {
     #[test]
     fn runs_are_told_from_other_folders_by_their_names() {
         let results = tempfile::tempdir().unwrap();
-        for folder in ["b/s7-0123abcd-1", "a/s7-0123abcd-2", "a/notes", "a/s7-0123abcd", "reference/s7-0123abcd-1", ".cache/s7-0123abcd-1"] {
+        for folder in [
+            "b/s7-0123abcd-1",
+            "a/s7-0123abcd-2",
+            "a/notes",
+            "a/s7-0123abcd",
+            "reference/s7-0123abcd-1",
+            ".cache/s7-0123abcd-1",
+        ] {
             create_dir(&results.path().join(folder)).unwrap();
         }
         let found: Vec<String> = run_names(results.path()).unwrap().iter().map(RunName::to_string).collect();
