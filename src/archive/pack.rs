@@ -60,8 +60,8 @@ fn check(folder: &Path) -> Result<(), Error> {
     for (sum, name) in sums.lines().filter_map(|line| line.split_once("  ")) {
         let path = folder.join(name);
         let changed = |reason: &str| Error::Changed { path: path.clone(), reason: reason.to_owned() };
-        if !path.is_file() {
-            return Err(changed("it is missing"));
+        if !path.symlink_metadata().is_ok_and(|m| m.is_file()) {
+            return Err(changed("it is missing, or a link"));
         }
         if hash_file(&path)?.as_str() != sum {
             return Err(changed("its checksum is not the one in `SHA256SUMS`"));

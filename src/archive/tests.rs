@@ -114,7 +114,7 @@ fn archives_that_reach_beyond_their_folder_are_refused() {
     let sums: (&str, &[u8]) = ("runs/study/s1-0123abcd-1/SHA256SUMS", b"");
     let inside: (&str, &[u8]) = ("runs/study/s1-0123abcd-1/a", b"/etc/passwd");
     let file = folder.path().join("forged.zip");
-    let mut refuse = |files: &[(&str, &[u8])], more: &[(&str, &[u8])], link: Option<&str>, words: &str| {
+    let refuse = |files: &[(&str, &[u8])], more: &[(&str, &[u8])], link: Option<&str>, words: &str| {
         forged(&file, files, more, link);
         let error = extract(&file, &results, &cache).unwrap_err().to_string();
         assert!(error.contains(words), "{error}");

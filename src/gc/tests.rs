@@ -93,7 +93,7 @@ proptest! {
         let verdicts = |items: &[Item]| items.iter().map(|i| (i.name.clone(), i.verdict)).collect::<Vec<_>>();
         prop_assert_eq!(verdicts(&planned), verdicts(&done));
 
-        let mut needed = BTreeSet::new();
+        let mut needed: BTreeSet<usize> = BTreeSet::new();
         for (run, folder) in runs.iter().zip(&folders) {
             let stays = folder.is_dir();
             prop_assert!(stays || !run.running, "a running run was removed");

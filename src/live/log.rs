@@ -140,7 +140,7 @@ impl Log {
 
     /// The innermost work that runs through the whole stage: of trials, their epochs.
     fn finest(&self) -> Option<&Work> {
-        self.work.iter().take(2).last()
+        self.work.get(1).or(self.work.first())
     }
 
     /// Seconds that are left of the present stage at the time `now`, at the pace of this process, or as expected when it

@@ -42,7 +42,7 @@ fn head(live: &Live) -> Vec<String> {
 }
 
 fn bar(work: &Work) -> String {
-    let full = if work.total == 0 { 0 } else { (work.done.min(work.total) * BAR as u64 / work.total) as usize };
+    let full = (work.done.min(work.total) * BAR as u64).checked_div(work.total).unwrap_or(0) as usize;
     let bar = "█".repeat(full) + &"░".repeat(BAR - full);
     format!("       {bar} {}/{} {}", work.done, work.total, work.work)
 }

@@ -67,8 +67,11 @@ pub struct Trial {
     pub reason: Option<String>,
 }
 
+/// All trials, and the best of them.
+pub(super) type Read = (Vec<Trial>, Option<Best>);
+
 /// Trials and the best of them; `None` if the run in `folder` has no database yet.
-pub(super) fn read(folder: &Path, running: bool) -> Result<Option<(Vec<Trial>, Option<Best>)>, StorageError> {
+pub(super) fn read(folder: &Path, running: bool) -> Result<Option<Read>, StorageError> {
     let study = match storage::load(folder, None) {
         Err(StorageError::Missing { .. } | StorageError::Empty { .. }) => return Ok(None),
         other => other?,

@@ -206,17 +206,16 @@ impl Connection {
     fn read(&mut self, id: u64, questions: &SyncSender<(u64, Vec<u8>)>) -> Moved {
         let Stage::Reading(bytes) = &mut self.stage else { return Moved::No };
         let mut piece = [0; 4096];
-        let complete;
-        match self.stream.read(&mut piece) {
+        let complete = match self.stream.read(&mut piece) {
             Ok(0) => return Moved::End,
             Ok(n) => {
                 // The end of the head may have begun with what came before.
                 let looked_at = bytes.len().saturating_sub(3);
                 bytes.extend(&piece[..n]);
-                complete = is_complete(&bytes[looked_at..]);
+                is_complete(&bytes[looked_at..])
             }
             Err(e) => return after(&e),
-        }
+        };
         if complete && bytes.len() <= HEAD_LIMIT {
             let head = std::mem::take(bytes);
             self.stage = Stage::Waiting;

@@ -74,7 +74,7 @@ impl Site {
         } else if path == "api/runs" {
             self.runs()
         } else if let Some(name) = after("api/runs") {
-            self.with_run(name, |run, folder| Self::state(run, folder))
+            self.with_run(name, Self::state)
         } else if let Some(name) = after("runs") {
             self.with_run(name.trim_end_matches('/'), |_, _| self.run.response())
         } else if let Some(file) = after("files") {

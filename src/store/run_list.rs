@@ -111,10 +111,10 @@ pub fn size_below(folder: &Path) -> u64 {
 }
 
 /// The regular files below `folder` that `wanted` takes, as relative paths with `/`, sorted; hidden files and folders
-/// are passed over.
+/// are passed over, and so are links and what else is no file.
 ///
 /// # Errors
-/// A folder cannot be read; something is neither file nor folder, or its name is not text.
+/// A folder cannot be read, or a name is not text.
 pub fn files_below(folder: &Path, wanted: &dyn Fn(&str) -> bool) -> Result<Vec<String>, Error> {
     let mut files = Vec::new();
     collect(folder, "", wanted, &mut files)?;
@@ -126,8 +126,8 @@ fn collect(folder: &Path, prefix: &str, wanted: &dyn Fn(&str) -> bool, files: &m
     let fail = |e| Error::io("read", folder, e);
     for entry in std::fs::read_dir(folder).map_err(fail)? {
         let entry = entry.map_err(fail)?;
-        let damaged = |reason: &str| Error::Damaged { path: entry.path(), reason: reason.to_owned() };
-        let name = entry.file_name().into_string().map_err(|_| damaged("its name is not text"))?;
+        let damaged = |_| Error::Damaged { path: entry.path(), reason: "its name is not text".to_owned() };
+        let name = entry.file_name().into_string().map_err(damaged)?;
         let (path, kind) = (format!("{prefix}{name}"), entry.file_type().map_err(fail)?);
         if name.starts_with('.') || !wanted(&path) {
             continue;
@@ -135,7 +135,7 @@ fn collect(folder: &Path, prefix: &str, wanted: &dyn Fn(&str) -> bool, files: &m
         match kind {
             kind if kind.is_dir() => collect(&entry.path(), &format!("{path}/"), wanted, files)?,
             kind if kind.is_file() => files.push(path),
-            _ => return Err(damaged("it is neither a file nor a folder")),
+            _ => {}
         }
     }
     Ok(())

@@ -6,11 +6,15 @@
 mod architecture;
 mod bad_input;
 mod command_line;
+mod http;
+mod live_runs;
 mod optuna_storage;
 mod panoramas;
 mod pins;
 mod real_data;
 mod reruns;
+mod run_folders;
+mod serve;
 mod study_commands;
 mod shared_study;
 mod support;
