@@ -71,6 +71,8 @@ impl Site {
         let after = |section: &str| path.strip_prefix(section)?.strip_prefix('/');
         if path.is_empty() {
             self.list.response()
+        } else if path == "favicon.ico" {
+            Response::icon()
         } else if path == "api/runs" {
             self.runs()
         } else if let Some(name) = after("api/runs") {

@@ -2,11 +2,14 @@
 
 use std::fs::File;
 
-/// What browsers may do with files of a run: show them, run nothing, fetch nothing else.
-const FILE_POLICY: &str =
-    "default-src 'none'; style-src 'unsafe-inline'; img-src 'self' data:; font-src data:; sandbox allow-downloads";
+/// What browsers may do with files of a run: show them with the images beside them, run nothing, fetch nothing else.
+const FILE_POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; img-src 'self' data:; font-src data:; sandbox allow-same-origin \
+     allow-downloads";
 /// The same for answers without a page.
 const DATA_POLICY: &str = "default-src 'none'; sandbox";
+
+/// A lens.
+const ICON: &[u8] = br##"<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 16 16"><circle cx="8" cy="8" r="7" fill="#0072b2"/><circle cx="8" cy="8" r="3" fill="#fff"/></svg>"##;
 
 /// The first line of an answer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -70,6 +73,11 @@ impl Response {
     /// One line of text.
     pub fn text(status: Status, text: &str) -> Self {
         Self::new(status, "text/plain; charset=utf-8", DATA_POLICY, Body::Bytes(format!("{text}\n").into_bytes()))
+    }
+
+    /// The sign that browsers show beside a page's name.
+    pub fn icon() -> Self {
+        Self::new(Status::Ok, "image/svg+xml", DATA_POLICY, Body::Bytes(ICON.to_vec()))
     }
 
     /// A JSON value.

@@ -40,6 +40,11 @@ function done(trials) {
   return trials.wanted === 0 ? String(ended) : `${ended}/${trials.wanted}`;
 }
 
+// A part that scrolls sideways by itself where it does not fit; reachable by keyboard.
+function wide(label, part) {
+  return element("div", { class: "wide", tabindex: "0", role: "region", "aria-label": label }, part);
+}
+
 function state(word) {
   return element("span", { class: `state ${word}` }, word);
 }

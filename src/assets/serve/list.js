@@ -8,15 +8,15 @@ const more = element("p", { class: "muted", role: "status" });
 function row(run) {
   const link = element("a", { href: `/runs/${path(run.run)}/` }, run.run);
   const problem = run.problem ? element("p", { class: "problem" }, run.problem) : null;
-  const number = (text) => element("td", { class: "number" }, text);
+  const number = (text, kind) => element("td", { class: kind || "number" }, text);
   return element("tr", null,
     element("td", { class: "name" }, link, problem),
     element("td", null, state(run.state)),
-    number(run.seed === null ? "–" : String(run.seed)),
+    number(run.seed === null ? "–" : String(run.seed), "number minor"),
     number(value(run.best && run.best.value)),
     number(done(run.trials)),
     number(run.changed > 0 ? age(run.changed) : "–"),
-    number(size(run.bytes)));
+    number(size(run.bytes), "number minor"));
 }
 
 function draw() {
@@ -36,8 +36,8 @@ filter.addEventListener("input", draw);
 document.getElementById("content").replaceChildren(
   element("h1", null, "Runs"),
   element("label", { for: "filter" }, "Filter"), filter,
-  element("div", { class: "wide" }, element("table", null,
-    head([["run", ""], ["state", ""], ["seed", "number"], ["best", "number"], ["trials", "number"], ["age", "number"], ["size", "number"]]),
+  wide("Runs", element("table", null,
+    head([["run", ""], ["state", ""], ["seed", "number minor"], ["best", "number"], ["trials", "number"], ["age", "number"], ["size", "number minor"]]),
     rows)),
   more);
 follow("/api/runs", (known) => { runs = known; draw(); }, () => 3000);

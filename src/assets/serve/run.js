@@ -26,7 +26,9 @@ function curve(values) {
 
 function params(trial) {
   const short = (v) => (typeof v === "number" && !Number.isInteger(v) ? v.toPrecision(4) : String(v));
-  return Object.entries(trial.params).map(([name, v]) => `${name} ${short(v)}`).join(", ");
+  const all = Object.entries(trial.params);
+  const text = all.map(([name, v]) => `${name} ${short(v)}`).join(", ");
+  return element("details", { id: `trial-${trial.number}` }, element("summary", null, String(all.length)), text);
 }
 
 function trialRow(trial, best) {
@@ -37,7 +39,7 @@ function trialRow(trial, best) {
     number(String(trial.epochs)),
     number(value(trial.value)),
     element("td", null, trial.reason ? element("span", { class: "problem" }, trial.reason) : curve(trial.curve)),
-    element("td", { class: "muted" }, params(trial)));
+    element("td", null, params(trial)));
 }
 
 function trials(live) {
@@ -45,7 +47,7 @@ function trials(live) {
   const order = (trial) => (trial.state === "running" ? 0 : 1);
   const rows = live.trials.filter((trial) => trial.state !== "waiting")
     .sort((a, b) => order(a) - order(b) || b.number - a.number);
-  return [element("h2", null, "Trials"), element("div", { class: "wide" }, element("table", null,
+  return [element("h2", null, "Trials"), wide("Trials", element("table", null,
     head([["trial", "number"], ["state", ""], ["epochs", "number"], ["value", "number"], ["curve", ""], ["parameters", ""]]),
     element("tbody", null, ...rows.map((trial) => trialRow(trial, live.summary.best)))))];
 }
