@@ -65,8 +65,7 @@ struct Finished {
 }
 
 impl Log {
-    /// Reads the log at `path`; an absent one is a problem that the result names. A last line without an end is being
-    /// written.
+    /// Reads the log at `path`; an absent one says nothing. A last line without an end is being written.
     pub fn read(path: &Path) -> Result<Self, store::Error> {
         let bytes = match store::read(path) {
             Err(store::Error::Io { source, .. }) if source.kind() == ErrorKind::NotFound => {
