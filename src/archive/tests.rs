@@ -78,7 +78,9 @@ fn a_suite_brings_its_runs() {
         panic!()
     };
     write(&suite.join("runs.json"), json!([name]).to_string().as_bytes()).unwrap();
-    let suite = { suite.finish(&["runs.json"]).unwrap() };
+    let finished = suite.finish(&["runs.json"]).unwrap();
+    drop(suite);
+    let suite = finished;
     let out = folder.path().join("suite.zip");
     pack(&suite, None, &out).unwrap();
     let other = folder.path().join("other");

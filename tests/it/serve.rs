@@ -47,6 +47,7 @@ fn pages_and_files_have_their_types_and_headers() {
         (&format!("/files/{RUN}/report.html"), "text/html; charset=utf-8", "<h1>report</h1>"),
         (&format!("/files/{RUN}/figures/figure_3.svg"), "image/svg+xml", "<svg/>"),
         (&format!("/files/{RUN}/tables/table%5F1.md?x=1"), "text/plain; charset=utf-8", "| a |"),
+        ("/favicon.ico", "image/svg+xml", "<svg"),
         ("/api/runs", "application/json", RUN),
     ] {
         let answer = server.get(target);
