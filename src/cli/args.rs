@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::builder::PossibleValuesParser;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
+use super::args_runs::{ArchiveArgs, GcArgs, RunsArgs, ServeArgs, WatchArgs};
 use crate::evaluate::Arm;
 use crate::figures::study::StudyPlot;
 
@@ -67,6 +68,29 @@ pub enum Command {
     Compare(CompareArgs),
     /// Make the tables of finished runs from their artefacts, beside the published values; nothing is trained.
     Tables(TablesArgs),
+    /// List runs: state, seed, best value, trials, age and size, newest first.
+    Runs(RunsArgs),
+    /// Follow a run in the terminal.
+    ///
+    /// Ends when the run ends: with 0 if it has finished, 1 if it failed, 130 if it was interrupted. Nothing is written, and the
+    /// run does not notice.
+    Watch(WatchArgs),
+    /// Follow all runs in a browser.
+    ///
+    /// Only reading is answered, of the results folder alone. At a loopback address only this machine's own names are answered to.
+    Serve(ServeArgs),
+    /// Pack a finished run into one file, or take over a packed one.
+    ///
+    /// The archive has the run's folder, of a suite its runs too: all that verifying, comparing and reading its report takes,
+    /// but not the artefacts of the cache, which `panotune verify` then computes anew. They come along with `--with-cache`.
+    /// Panoramas and weights files of one's own that the experiment names are not in it.
+    Archive(ArchiveArgs),
+    /// Remove runs and artefacts that nothing needs; says what would go unless `--yes` is given.
+    ///
+    /// What remains keeps what it refers to: artefacts of the cache that a run's log names, and the runs of a suite. A run
+    /// under way, `results/reference`, weights and whatever is reached through a link are never touched. Runs in other results
+    /// folders that share the cache are not looked at; they make anew what they miss.
+    Gc(GcArgs),
     /// Check experiment files without computing anything.
     Check(CheckArgs),
     /// Show the stages of an experiment: cached or to run, why, and for how long.

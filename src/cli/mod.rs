@@ -2,26 +2,33 @@
 //!
 //! Data goes to standard output, talk to standard error.
 
+mod archive;
 mod args;
+mod args_runs;
 mod check;
 mod compare;
 mod config;
+mod gc;
 mod interrupt;
 mod plan;
 mod progress;
 mod run;
+mod runs;
+mod serve;
 mod study;
 mod tables;
 mod verify;
+mod watch;
 mod weights;
 
 pub use args::Cli;
 
 use std::io::IsTerminal;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Parser;
+use serde::Serialize;
 
 use crate::config::{ConfigErrors, Loaded, LoadedExperiment};
 use crate::error::{Class, Classify};
@@ -54,7 +61,10 @@ impl<E: Classify> From<E> for Failure {
 pub fn main() -> ExitCode {
     keep_pages();
     let cli = Cli::parse();
-    interrupt::listen();
+    if !matches!(cli.command, Command::Watch(_) | Command::Serve(_)) {
+        // Those two have nothing to bring to an end: a signal ends them at once.
+        interrupt::listen();
+    }
     match dispatch(&cli) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
@@ -74,6 +84,11 @@ fn dispatch(cli: &Cli) -> Result<(), Failure> {
         Command::Verify(args) => verify::verify(&cli.global, args),
         Command::Compare(args) => compare::compare(&cli.global, args),
         Command::Tables(args) => tables::tables(&cli.global, args),
+        Command::Runs(args) => runs::runs(&cli.global, args),
+        Command::Watch(args) => watch::watch(&cli.global, args),
+        Command::Serve(args) => serve::serve(&cli.global, args),
+        Command::Archive(args) => archive::archive(&cli.global, args),
+        Command::Gc(args) => gc::gc(&cli.global, args),
         Command::Check(args) => check::check(args),
         Command::Plan(args) => plan::plan(&cli.global, args),
         Command::Config(args) => config::config(args),
@@ -101,6 +116,17 @@ fn options(global: &Global, fresh: bool) -> Options {
     let cache = global.cache();
     let weights = crate::study::weights_folders(&cache);
     Options { results: global.results.clone(), cache, weights, threads: global.threads(), fresh }
+}
+
+/// The cache folder of a run that is named by its folder: the one that is asked for, or that beside it.
+fn cache_of(global: &Global, run: &Path) -> PathBuf {
+    let results = run.parent().and_then(Path::parent).filter(|_| global.cache.is_none());
+    results.map_or_else(|| global.cache(), |results| results.join(".cache"))
+}
+
+/// A value as one line of JSON.
+fn json_line<T: Serialize>(value: &T) -> String {
+    serde_json::to_string(value).unwrap_or_default()
 }
 
 fn listener(global: &Global) -> Box<dyn Progress> {

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::time::SystemTime;
 
 use super::Failure;
 use super::args::{Global, TableFormat, TablesArgs};
@@ -37,17 +38,23 @@ fn runs(global: &Global, args: &TablesArgs) -> Result<Vec<PathBuf>, Failure> {
     if !args.runs.is_empty() {
         return args.runs.iter().map(|name| Ok(find(name, results)?)).collect();
     }
-    let mut newest: BTreeMap<PathBuf, PathBuf> = BTreeMap::new();
-    for run in store::runs(results)? {
-        if let (true, Some(experiment)) = (run.join(store::SUMS).is_file(), run.parent()) {
-            newest.insert(experiment.to_owned(), run);
+    let mut newest: BTreeMap<String, (SystemTime, PathBuf)> = BTreeMap::new();
+    for run in store::run_names(results)? {
+        let folder = run.folder(results);
+        // suites have no artefacts of their own
+        if !folder.join("metrics.json").is_file() {
+            continue;
+        }
+        if let Ok(finished) = folder.join(store::SUMS).metadata().and_then(|sums| sums.modified()) {
+            let entry = (finished, folder);
+            newest.entry(run.name).and_modify(|last| *last = entry.clone().max(last.clone())).or_insert(entry);
         }
     }
     if newest.is_empty() {
         let hint = "hint: `panotune run FILE` makes one, or name a run's folder";
         return Err(Failure::input(format!("error: there is no finished run in `{}` ({hint})", results.display())));
     }
-    Ok(newest.into_values().collect())
+    Ok(newest.into_values().map(|(_, folder)| folder).collect())
 }
 
 /// Each run's tables; those that compare backbones stand before them if there are several runs.

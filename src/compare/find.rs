@@ -16,7 +16,7 @@ pub fn find(name: &str, results: &Path) -> Result<PathBuf, Error> {
         return Ok(path);
     }
     let runs: Vec<(String, PathBuf)> =
-        store::runs(results)?.into_iter().map(|run| (shown(&run, results), run)).collect();
+        store::run_names(results)?.into_iter().map(|run| (run.to_string(), run.folder(results))).collect();
     let wanted = name.trim_end_matches('/');
     let rest = |full: &str| -> Option<String> {
         let id = full.rsplit('/').next().unwrap_or(full);
