@@ -80,12 +80,16 @@ fn row(check: Check) -> Vec<Cell> {
     texts.into_iter().chain([check.why]).map(Cell::text).collect()
 }
 
+fn name_of(errors: &BackboneErrors) -> &str {
+    let known = BACKBONES.iter().find(|(_, model)| *model == errors.model);
+    known.map_or(errors.model.as_str(), |(architecture, _)| backbone_name(*architecture))
+}
+
 /// Mean and spread of absolute errors against what their extremes allow.
 fn bounds(table: u8, quantity: Quantity, errors: &BackboneErrors) -> Vec<Check> {
     let impossible = errors.impossible();
     let show = |value: f64| Printed::new(value, decimals(quantity)).to_string();
-    let model = BACKBONES.iter().find(|(_, model)| *model == errors.model);
-    let name = model.map_or(errors.model.as_str(), |(architecture, _)| backbone_name(*architecture));
+    let name = name_of(errors);
     let verdict = |wrong| if wrong { Verdict::Impossible } else { Verdict::Follows };
     let mut checks = vec![Check {
         table,
@@ -213,7 +217,7 @@ fn constant(published: &Published) -> Vec<Check> {
     let worse = published.table_3.iter().filter(|row| row.mae > of_the_mean);
     let check = |row: &BackboneErrors| Check {
         table: 3,
-        item: format!("{}, MAE", row.model),
+        item: format!("{}, MAE", name_of(row)),
         printed: Printed::new(row.mae, 2).to_string(),
         recomputed: format!("{of_the_mean} for the mean"),
         verdict: Verdict::Doubtful,
@@ -284,7 +288,7 @@ mod tests {
             table_3.contains(&is("Inception-V3, SD", "impossible"))
                 && table_3.contains(&is("MobileNet-V1, SD", "impossible"))
         );
-        assert!(table_3.contains(&is("resnet50, MAE", "doubtful")));
+        assert!(table_3.contains(&is("ResNet50, MAE", "doubtful")));
         let of_strips = [is("GoPro uncorrected", "contradicts"), is("GoPro corrected", "contradicts")];
         assert_eq!(verdicts("8"), of_strips);
     }

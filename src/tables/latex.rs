@@ -1,43 +1,101 @@
 //! Tables as LaTeX with booktabs.
 
+use std::ops::Range;
+
 use super::model::{Cell, Column, FLAG, Kind, Table};
 
-/// Width of the page that tables fit into: the text width of LaTeX's `article` at 10 pt, in pt.
-const LINE: f64 = 345.0;
+/// Width of the page that tables fit into: a little less than the text width of LaTeX's
+/// `article` at 10 pt, in pt.
+const LINE: f64 = 335.0;
 
-/// A font size, the mean width of its characters, and half the distance of columns, in pt.
-const FONTS: [(&str, f64, f64); 3] = [("\\footnotesize", 4.3, 3.0), ("\\scriptsize", 3.8, 3.0), ("\\tiny", 3.1, 2.0)];
+/// Height of the page that a float fits into, likewise.
+const PAGE: f64 = 500.0;
+
+/// A font size, in pt.
+#[derive(Clone, Copy)]
+struct Font {
+    name: &'static str,
+    /// Mean width of its characters.
+    character: f64,
+    /// Distance of its lines.
+    line: f64,
+    /// Half the distance of columns.
+    gap: f64,
+}
+
+const FONTS: [Font; 3] = [
+    Font { name: "\\footnotesize", character: 4.3, line: 9.5, gap: 3.0 },
+    Font { name: "\\scriptsize", character: 3.8, line: 8.0, gap: 3.0 },
+    Font { name: "\\tiny", character: 3.1, line: 6.0, gap: 2.0 },
+];
 
 /// Text columns are broken into lines rather than split off, down to so many characters.
 const NARROWEST: usize = 14;
 
-/// One `table` float or several that need `booktabs` and nothing else, compile with pdfLaTeX, and fit into a line of the
-/// class `article`: intervals stand below their values, long texts are broken, and what is still too wide is
+/// One `table` float or several that need `booktabs` and nothing else, compile with pdfLaTeX, and fit onto a page of the
+/// class `article`: intervals stand below their values, long texts are broken, and what is still too wide or too high is
 /// continued in a further float with the leading text columns again.
 ///
 /// Characters that pdfLaTeX has no glyph for are written as their code points.
 pub fn latex(table: &Table) -> String {
-    let parts = parts(table);
-    let count = parts.len();
-    let float = |(i, part): (usize, &Part)| {
-        let continued = if i > 0 { " (continued)" } else { "" };
-        float(table, part, continued, if i + 1 == count { &table.notes } else { &[] })
+    let floats: Vec<(Part, Range<usize>)> = parts(table)
+        .into_iter()
+        .flat_map(|part| pages(table, &part).into_iter().map(move |rows| (part.clone(), rows)).collect::<Vec<_>>())
+        .collect();
+    let count = floats.len();
+    let float = |(i, (part, rows)): (usize, &(Part, Range<usize>))| {
+        float(table, part, rows.clone(), i > 0, if i + 1 == count { &table.notes } else { &[] })
     };
-    parts.iter().enumerate().map(float).collect::<Vec<_>>().join("\n")
+    floats.iter().enumerate().map(float).collect::<Vec<_>>().join("\n")
+}
+
+/// The rows of each page.
+fn pages(table: &Table, part: &Part) -> Vec<Range<usize>> {
+    let Font { character, line, .. } = part.font;
+    let note = |note: &String| (note.chars().count() as f64 * character / LINE).ceil() * line + 3.0;
+    let most = PAGE - table.notes.iter().map(note).sum::<f64>();
+    let mut pages = vec![0..0];
+    let mut used = 0.0;
+    for (i, row) in table.rows.iter().enumerate() {
+        let height = part.lines(row) as f64 * line;
+        let page = pages.len() - 1;
+        if used + height > most && !pages[page].is_empty() {
+            pages.push(i..i + 1);
+            used = height;
+        } else {
+            pages[page].end = i + 1;
+            used += height;
+        }
+    }
+    pages
 }
 
 /// Columns that stand beside each other.
+#[derive(Clone)]
 struct Part {
     columns: Vec<usize>,
     /// Characters of each of them.
     widths: Vec<usize>,
-    font: (&'static str, f64, f64),
+    font: Font,
 }
 
 impl Part {
     /// Its width in pt with a font.
-    fn width(&self, (_, character, gap): (&str, f64, f64)) -> f64 {
-        self.widths.iter().map(|width| *width as f64 * character + 2.0 * gap).sum()
+    fn width(&self, font: Font) -> f64 {
+        self.widths.iter().map(|width| *width as f64 * font.character + 2.0 * font.gap).sum()
+    }
+
+    /// Lines that a row takes.
+    fn lines(&self, row: &[Cell]) -> usize {
+        let cells = self.columns.iter().zip(&self.widths).map(|(k, width)| {
+            let (value, interval) = row[*k].parts();
+            // broken between words, lines are not full
+            let full = width.saturating_sub(3).max(1);
+            let lines = if value.chars().count() <= *width { 1 } else { value.chars().count().div_ceil(full) };
+            (lines, interval.is_some())
+        });
+        let (lines, intervals): (Vec<usize>, Vec<bool>) = cells.unzip();
+        lines.into_iter().max().unwrap_or(1) + usize::from(intervals.contains(&true))
     }
 }
 
@@ -99,8 +157,8 @@ fn column_width(table: &Table, k: usize) -> usize {
     cells.chain(words).max().unwrap_or(0)
 }
 
-fn float(table: &Table, part: &Part, continued: &str, notes: &[String]) -> String {
-    let (font, character, gap) = part.font;
+fn float(table: &Table, part: &Part, rows: Range<usize>, continued: bool, notes: &[String]) -> String {
+    let Font { name: font, character, gap, .. } = part.font;
     let align: Vec<String> = part
         .columns
         .iter()
@@ -116,14 +174,14 @@ fn float(table: &Table, part: &Part, continued: &str, notes: &[String]) -> Strin
         })
         .collect();
     let mut text = format!("\\begin{{table}}[tbp]\n\\centering{font}\\setlength{{\\tabcolsep}}{{{gap}pt}}\n");
-    text.push_str(&format!("\\caption{{{}{continued}.}}\n", escape(&table.title)));
-    if continued.is_empty() {
+    text.push_str(&format!("\\caption{{{}{}.}}\n", escape(&table.title), if continued { " (continued)" } else { "" }));
+    if !continued {
         text.push_str(&format!("\\label{{tab:{}}}\n", label(&table.id)));
     }
     text.push_str(&format!("\\begin{{tabular}}{{{}}}\n\\toprule\n", align.concat()));
     text.push_str(&line(part.columns.iter().zip(&part.widths).map(|(k, width)| heading(table, *k, *width))));
     text.push_str("\\midrule\n");
-    for row in &table.rows {
+    for row in &table.rows[rows] {
         let cells: Vec<&Cell> = part.columns.iter().map(|k| &row[*k]).collect();
         text.push_str(&row_lines(&cells));
     }

@@ -91,19 +91,31 @@ pub struct Impossible {
     pub sd: bool,
 }
 
+/// Half a unit of the last printed decimal.
+const ROUNDING: f64 = 0.005;
+
 impl BackboneErrors {
-    /// The largest standard deviation of numbers with this mean and these extremes.
+    /// The largest standard deviation of numbers with this mean and these extremes, as far as they are printed: a variance
+    /// is at most (max − mean)(mean − min) (Bhatia and Davis 2000).
     pub fn largest_sd(&self) -> f64 {
-        ((self.max - self.mae) * (self.mae - self.min)).max(0.0).sqrt()
+        (self.above().max(0.0) * self.below().max(0.0)).sqrt()
     }
 
-    /// What cannot be, allowing for rounding to two decimals: a mean lies between the extremes, and
-    /// a variance is at most (max − mean)(mean − min) (Bhatia and Davis 2000).
+    /// Distance from the mean to the largest, at most.
+    fn above(&self) -> f64 {
+        self.max - self.mae + ROUNDING
+    }
+
+    /// Distance from the smallest to the mean, at most.
+    fn below(&self) -> f64 {
+        self.mae - self.min + ROUNDING
+    }
+
+    /// What cannot be, allowing for rounding to two decimals: a mean lies between the extremes, and a spread is bounded by
+    /// them.
     pub fn impossible(&self) -> Impossible {
-        const ROUNDING: f64 = 0.005;
-        let (above, below) = (self.max - self.mae + ROUNDING, self.mae - self.min + ROUNDING);
-        let mae = above < 0.0 || below < 0.0;
-        Impossible { mae, sd: !mae && self.sd - ROUNDING > (above * below).sqrt() }
+        let mae = self.above() < 0.0 || self.below() < 0.0;
+        Impossible { mae, sd: !mae && self.sd - ROUNDING > self.largest_sd() }
     }
 }
 
