@@ -102,7 +102,7 @@ fn pair_metrics([a, b]: [&Run; 2], arm: Arm) -> Result<PairMetrics, Error> {
         panoramas: [0, 0],
         rows: Vec::new(),
     };
-    let (of_a, of_b, image_px) = match comparable(a, b, arm) {
+    let (predicted, image_px) = match comparable(a, b, arm) {
         Ok(comparable) => comparable,
         Err(problem) => return Ok(PairMetrics { problem: Some(problem), ..pair }),
     };
@@ -111,7 +111,7 @@ fn pair_metrics([a, b]: [&Run; 2], arm: Arm) -> Result<PairMetrics, Error> {
         permutation: permutation(),
         image_px,
     };
-    let found = contrasts(Subset::Test, arm, [of_a, of_b], &QUANTITIES, &how)?;
+    let found = contrasts(Subset::Test, arm, predicted, &QUANTITIES, &how)?;
     let row = |contrast| MetricContrast { contrast, p_holm: 1.0, verdict: Verdict::NotShown, sentence: String::new() };
     (pair.unpaired, pair.overlap, pair.views, pair.panoramas) =
         (found.unpaired, found.overlap, found.views, found.panoramas);
@@ -120,11 +120,7 @@ fn pair_metrics([a, b]: [&Run; 2], arm: Arm) -> Result<PairMetrics, Error> {
 }
 
 /// The predictions of `arm` in both runs and the side of their views, or why they do not compare.
-fn comparable<'a>(
-    a: &'a Run,
-    b: &'a Run,
-    arm: Arm,
-) -> Result<(&'a [Vec<Prediction>], &'a [Vec<Prediction>], u32), String> {
+fn comparable<'a>(a: &'a Run, b: &'a Run, arm: Arm) -> Result<([&'a [Vec<Prediction>]; 2], u32), String> {
     let (of_a, of_b) = (predictions(a, arm)?, predictions(b, arm)?);
     let (px_a, px_b) = (image_px(a)?, image_px(b)?);
     if px_a != px_b {
@@ -133,7 +129,7 @@ fn comparable<'a>(
             a.label, b.label
         ));
     }
-    Ok((of_a, of_b, px_a))
+    Ok(([of_a, of_b], px_a))
 }
 
 /// What can be read of a run, or why it cannot.

@@ -40,7 +40,8 @@ fn percentile_intervals_over_given_clusters_are_those_of_numpy() {
 fn paired_permutation_tests_are_those_of_scipy() {
     let golden = &golden()["paired"];
     let (a, b, clusters) = (numbers(&golden["a"]), numbers(&golden["b"]), places(&golden["clusters"]));
-    let metrics: [(&str, fn(&[f64]) -> f64); 3] = [
+    type Statistic = fn(&[f64]) -> f64;
+    let metrics: [(&str, Statistic); 3] = [
         ("mae", |e| mean(&e.iter().map(|x| x.abs()).collect::<Vec<_>>()).unwrap()),
         ("mse", |e| mean(&e.iter().map(|x| x * x).collect::<Vec<_>>()).unwrap()),
         ("sde", |e| population_sd(e).unwrap()),
