@@ -11,10 +11,11 @@ use crate::config::spec::Architecture;
 use crate::store;
 
 /// Descriptions that are part of the program, by name.
-const EMBEDDED: [(&str, &str); 3] = [
+const EMBEDDED: [(&str, &str); 4] = [
     ("inception_v3", include_str!("../../configs/weights/inception_v3.yaml")),
     ("mobilenet_v1", include_str!("../../configs/weights/mobilenet_v1.yaml")),
     ("resnet50", include_str!("../../configs/weights/resnet50.yaml")),
+    ("shipped", include_str!("../../configs/weights/shipped.yaml")),
 ];
 
 /// What `configs/weights/NAME.yaml` says about a file of trained weights.

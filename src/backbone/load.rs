@@ -17,6 +17,12 @@ use crate::store;
 /// Version of the drawn weights: part of the hash, so that changed drawing means changed features.
 const SEEDED_VERSION: u32 = 1;
 
+/// Name of the weights that are part of the program.
+const SHIPPED_NAME: &str = "shipped";
+
+/// Inception-V3 to `mixed_6b`, trained by `experiments/pretrain_inception.yaml`; `configs/weights/shipped.yaml` describes them.
+const SHIPPED: &[u8] = include_bytes!("../assets/weights/inception_v3_views.safetensors");
+
 /// The first `needed` layers of `graph`, the whole architecture: drawn, or read and checked; and a hash that names them.
 ///
 /// # Errors
@@ -27,6 +33,7 @@ pub(super) fn parameters(
     graph: &Graph,
     needed: usize,
 ) -> Result<(Vec<Parameters>, store::Hash), Error> {
+    check_architecture(spec, &source)?;
     match source {
         WeightsSource::Seeded { seed } => {
             let draw = |(number, layer): (usize, &Layer)| Parameters::seeded(layer, seed, number);
@@ -35,13 +42,43 @@ pub(super) fn parameters(
                 .map_err(|source| store::Error::Serialise { path: PathBuf::from("weights"), source })?;
             Ok((layers, hash))
         }
+        WeightsSource::Shipped { description } => {
+            let file = TensorFile::shipped(SHIPPED)?;
+            let layers = read_layers(&file, &description, graph, needed)?;
+            Ok((layers, store::hash_bytes(SHIPPED)))
+        }
         WeightsSource::File { path, description } => {
-            if description.architecture != spec.architecture {
-                let (of, asked) = (name_of(description.architecture), name_of(spec.architecture));
-                return Err(Error::OtherArchitecture { path, of, asked });
-            }
             let hash = check_hash(&path, &description)?;
-            Ok((read_layers(&path, &description, &held(&path, &description, graph, needed)?, needed)?, hash))
+            Ok((read_layers(&TensorFile::open(&path)?, &description, graph, needed)?, hash))
+        }
+    }
+}
+
+fn check_architecture(spec: &BackboneSpec, source: &WeightsSource) -> Result<(), Error> {
+    let (path, description) = match source {
+        WeightsSource::Seeded { .. } => return Ok(()),
+        WeightsSource::Shipped { description } => (Path::new(SHIPPED_NAME), description),
+        WeightsSource::File { path, description } => (path.as_path(), description),
+    };
+    if description.architecture == spec.architecture {
+        return Ok(());
+    }
+    let (of, asked) = (name_of(description.architecture), name_of(spec.architecture));
+    Err(Error::OtherArchitecture { path: path.to_owned(), of, asked })
+}
+
+/// Where the weights called `name` in an experiment with `seed` come from: drawn, part of the program, or a file in one
+/// of `search_dirs`.
+///
+/// # Errors
+/// Those of [`find_weights`].
+pub fn weights_source(name: &str, seed: u64, search_dirs: &[PathBuf]) -> Result<WeightsSource, Error> {
+    match name {
+        "seeded" => Ok(WeightsSource::Seeded { seed }),
+        SHIPPED_NAME => Ok(WeightsSource::Shipped { description: describe(name, &[])? }),
+        _ => {
+            let (path, description) = find_weights(name, search_dirs)?;
+            Ok(WeightsSource::File { path, description })
         }
     }
 }
@@ -97,36 +134,37 @@ fn check_hash(path: &Path, description: &WeightsDescription) -> Result<store::Ha
 }
 
 /// The part of `graph` whose layers the file holds, which is no less than `needed` layers.
-fn held(path: &Path, description: &WeightsDescription, graph: &Graph, needed: usize) -> Result<Graph, Error> {
+fn held(file: &TensorFile, description: &WeightsDescription, graph: &Graph, needed: usize) -> Result<Graph, Error> {
     let Some(block) = &description.last_block else { return Ok(graph.clone()) };
+    let path = || file.path().to_owned();
     let held = graph.clone().up_to(std::slice::from_ref(block)).map_err(|_| Error::Description {
-        path: path.to_owned(),
+        path: path(),
         reason: format!("`last_block` is `{block}`, which {} does not have", name_of(description.architecture)),
     })?;
     if needed > held.layers.len() {
-        return Err(Error::Short { path: path.to_owned(), block: block.clone() });
+        return Err(Error::Short { path: path(), block: block.clone() });
     }
     Ok(held)
 }
 
-/// Checks the tensors of `path` against the whole of `graph`, and reads its first `needed` layers.
+/// Checks the tensors of `file` against those of `graph` that it should hold, and reads its first `needed` layers.
 ///
 /// # Errors
-/// An unreadable file, or tensors that are missing, unexpected, mis-shaped or hold impossible numbers: all of them at once.
+/// Tensors that are missing, unexpected, mis-shaped or hold impossible numbers: all of them at once.
 fn read_layers(
-    path: &Path,
+    file: &TensorFile,
     description: &WeightsDescription,
     graph: &Graph,
     needed: usize,
 ) -> Result<Vec<Parameters>, Error> {
-    let file = TensorFile::open(path)?;
-    let fail =
-        |problems| Error::Tensors { path: path.to_owned(), architecture: name_of(description.architecture), problems };
-    let problems = compare(&file, &graph.layers, &description.ignore);
+    let architecture = name_of(description.architecture);
+    let fail = |problems| Error::Tensors { path: file.path().to_owned(), architecture, problems };
+    let graph = held(file, description, graph, needed)?;
+    let problems = compare(file, &graph.layers, &description.ignore);
     if !problems.is_empty() {
         return Err(fail(problems));
     }
-    let read = |layer: &Layer| Parameters::read(layer, &file);
+    let read = |layer: &Layer| Parameters::read(layer, file);
     let layers: Vec<_> = graph.layers[..needed].par_iter().map(read).collect::<Result<_, Error>>()?;
     let (parameters, problems): (Vec<Parameters>, Vec<Vec<Problem>>) = layers.into_iter().unzip();
     let problems: Vec<Problem> = problems.into_iter().flatten().collect();

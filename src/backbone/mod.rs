@@ -35,7 +35,7 @@ use rayon::prelude::*;
 
 pub use description::{ChannelOrder, Padding, Preprocessing, Rectifier, StrideIn, Variant, WeightsDescription};
 pub use error::Error;
-pub use load::{describe, find_weights};
+pub use load::{describe, find_weights, weights_source};
 pub use tensors::Problem;
 pub use tunable::{Intake, Tunable};
 
@@ -64,6 +64,11 @@ pub enum WeightsSource {
         /// Seed of the streams.
         seed: u64,
     },
+    /// Part of the program.
+    Shipped {
+        /// Their description.
+        description: WeightsDescription,
+    },
     /// Read from a file.
     File {
         /// The file.
@@ -78,7 +83,9 @@ impl WeightsSource {
     fn variant(&self, architecture: Architecture) -> Variant {
         match self {
             WeightsSource::Seeded { .. } => Variant::seeded(architecture),
-            WeightsSource::File { description, .. } => description.variant.clone(),
+            WeightsSource::Shipped { description } | WeightsSource::File { description, .. } => {
+                description.variant.clone()
+            }
         }
     }
 }
@@ -109,7 +116,7 @@ impl Backbone {
         let variant = source.variant(spec.architecture);
         let seed = match &source {
             WeightsSource::Seeded { seed } => Some(*seed),
-            WeightsSource::File { .. } => None,
+            WeightsSource::Shipped { .. } | WeightsSource::File { .. } => None,
         };
         let whole = graph_of(spec.architecture, spec.input_px as usize, &variant)?;
         let graph = tapped(spec, whole.clone())?;

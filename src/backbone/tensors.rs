@@ -78,11 +78,38 @@ pub(super) struct TensorFile {
 }
 
 enum Content {
-    Safetensors { map: Mmap, begin: usize, metadata: Metadata },
+    Safetensors { bytes: Bytes, begin: usize, metadata: Metadata },
     Torch(PthTensors),
 }
 
+enum Bytes {
+    Mapped(Mmap),
+    Shipped(&'static [u8]),
+}
+
+impl std::ops::Deref for Bytes {
+    type Target = [u8];
+    fn deref(&self) -> &[u8] {
+        match self {
+            Bytes::Mapped(map) => map,
+            Bytes::Shipped(bytes) => bytes,
+        }
+    }
+}
+
 impl TensorFile {
+    /// A safetensors file that is part of the program.
+    pub(super) fn shipped(bytes: &'static [u8]) -> Result<Self, Error> {
+        let path = PathBuf::from("shipped");
+        let content = safetensors(&path, Bytes::Shipped(bytes))?;
+        Ok(Self { path, content })
+    }
+
+    /// What messages call it.
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+
     /// Opens `path`; what it is, its first bytes say.
     pub(super) fn open(path: &Path) -> Result<Self, Error> {
         let io = |source| Error::Open { path: path.to_owned(), source };
@@ -100,7 +127,7 @@ impl TensorFile {
                     "it is in PyTorch's old format; save it again with a current `torch.save` or as safetensors";
                 return Err(unreadable(path, reason));
             }
-            _ => safetensors(path, map)?,
+            _ => safetensors(path, Bytes::Mapped(map))?,
         };
         Ok(Self { path: path.to_owned(), content })
     }
@@ -136,10 +163,10 @@ impl TensorFile {
     pub(super) fn read(&self, name: &str) -> Result<Vec<f32>, Error> {
         let missing = || unreadable(&self.path, &format!("tensor `{name}` is missing"));
         match &self.content {
-            Content::Safetensors { map, begin, metadata } => {
+            Content::Safetensors { bytes, begin, metadata } => {
                 let info = metadata.info(name).ok_or_else(missing)?;
                 let (from, to) = info.data_offsets;
-                let bytes = map.get(begin + from..begin + to).ok_or_else(missing)?;
+                let bytes = bytes.get(begin + from..begin + to).ok_or_else(missing)?;
                 floats(info.dtype, bytes).ok_or_else(missing)
             }
             Content::Torch(file) => {
@@ -165,8 +192,8 @@ fn unreadable(path: &Path, reason: &str) -> Error {
     Error::Unreadable { path: path.to_owned(), reason: reason.to_owned() }
 }
 
-fn safetensors(path: &Path, map: Mmap) -> Result<Content, Error> {
-    let (header, metadata) = SafeTensors::read_metadata(&map).map_err(|e| match e {
+fn safetensors(path: &Path, bytes: Bytes) -> Result<Content, Error> {
+    let (header, metadata) = SafeTensors::read_metadata(&bytes).map_err(|e| match e {
         SafeTensorError::MetadataIncompleteBuffer => {
             unreadable(path, "it is truncated, or something was added at its end: its tensors do not fill it exactly")
         }
@@ -176,7 +203,7 @@ fn safetensors(path: &Path, map: Mmap) -> Result<Content, Error> {
         }
         other => unreadable(path, &format!("its safetensors header is wrong: {other}")),
     })?;
-    Ok(Content::Safetensors { begin: header + 8, map, metadata })
+    Ok(Content::Safetensors { begin: header + 8, bytes, metadata })
 }
 
 /// Opens a PyTorch file; checkpoints often keep the weights under `state_dict`.

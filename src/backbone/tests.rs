@@ -238,3 +238,17 @@ fn multiply_adds_are_those_of_the_literature() {
         assert!((counted / millions - 1.0).abs() < 2e-3, "{architecture:?}: {counted}");
     }
 }
+
+#[test]
+fn the_shipped_weights_are_those_of_their_description_and_end_with_its_block() {
+    let source = || weights_source("shipped", 0, &[]).unwrap();
+    let WeightsSource::Shipped { description } = source() else { panic!("not shipped") };
+    let spec = |tap: &str| spec(Architecture::InceptionV3, 75, &[tap], 1);
+    let backbone = Backbone::load(&spec("mixed_6b"), source()).unwrap();
+    assert_eq!(backbone.weights_hash().as_str(), description.sha256);
+    assert!(!backbone.is_seeded());
+    let message = Backbone::load(&spec("mixed_6c"), source()).unwrap_err().to_string();
+    assert!(message.contains("end with the block `mixed_6b`"), "{message}");
+    let other = self::spec(Architecture::MobilenetV1, 75, &["block1"], 0);
+    assert!(matches!(Backbone::load(&other, source()), Err(Error::OtherArchitecture { .. })));
+}

@@ -133,6 +133,11 @@ impl Tunable {
         self.intake.whole.side
     }
 
+    /// Multiplications, each with an addition, of the trained blocks' way forward for one image.
+    pub fn multiply_adds(&self) -> u64 {
+        self.trunk.graph.multiply_adds()
+    }
+
     /// Numbers that training changes: weights, and scale and shift of batch norms.
     pub fn trained(&self) -> usize {
         self.trunk.gradient.len()

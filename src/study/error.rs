@@ -54,7 +54,9 @@ pub enum Error {
     #[error("a worker thread ended without a result")]
     Worker,
     /// A name that cannot be the name of a file.
-    #[error("`{name}` cannot name weights: use letters, digits, `.`, `_` and `-`, beginning with a letter or digit")]
+    #[error(
+        "`{name}` cannot name weights: use letters, digits, `.`, `_` and `-`, beginning with a letter or digit, and not `seeded` or `shipped`"
+    )]
     WeightsName {
         /// The name.
         name: String,

@@ -19,6 +19,8 @@ pub(super) struct Inputs<'a> {
     pub parameters: u64,
     /// Numbers that the backbone gives for a view.
     pub all_features: usize,
+    /// Multiplications of the trained blocks' way forward for a view.
+    pub trained_multiply_adds: u64,
     kind: Kind,
 }
 
@@ -42,7 +44,7 @@ impl<'a> Inputs<'a> {
             let all_features = features.value.dim();
             let parameters = backbone.parameters() as u64;
             let kind = Kind::Features { features: stages.components(features, dataset)?, backbone };
-            return Ok(Self { spec: &spec.backbone, parameters, all_features, kind });
+            return Ok(Self { spec: &spec.backbone, parameters, all_features, trained_multiply_adds: 0, kind });
         }
         let weights = weights_source(spec, &options.weights)?;
         let (backbone, _) = Tunable::load(&spec.backbone, weights.clone())?;
@@ -51,7 +53,8 @@ impl<'a> Inputs<'a> {
             _ => Kind::Images { origin: stages.image_origin(dataset)?, weights },
         };
         let (parameters, all_features) = (backbone.parameters() as u64, backbone.dim());
-        Ok(Self { spec: &spec.backbone, parameters, all_features, kind })
+        let trained_multiply_adds = backbone.multiply_adds();
+        Ok(Self { spec: &spec.backbone, parameters, all_features, trained_multiply_adds, kind })
     }
 
     /// The same for a head: numbers that it takes for a view.

@@ -47,7 +47,7 @@ use crate::store::{self, Opened, RunFolder, write_json};
 use crate::tables::artefacts::TrialArtefact;
 
 use inputs::Inputs;
-use stages::{Stages, Views};
+use stages::{Stages, TrainingWork, Views};
 
 /// What is not part of an experiment: where things are, and how many hands there are.
 #[derive(Debug, Clone)]
@@ -166,11 +166,11 @@ fn study(
     let training = inputs.training(spec, views, &image)?;
 
     let rows = training.rows();
-    let trials = stages::training_units(spec, spec.search.trials, rows);
-    let searched = stages.timed("study", trials, || trials::search(spec, options, folder, &training, stages))?;
-    let refits = stages::training_units(spec, 2 * spec.evaluation.refit_seeds, rows);
-    let predictions = stages
-        .timed("refit", refits, || arms::refit(spec, options, folder, &training, &searched.best, views, stages))?;
+    let work = |stage, n| TrainingWork::new(spec, stage, n, rows, inputs.trained_multiply_adds);
+    let search = || trials::search(spec, options, folder, &training, stages);
+    let searched = stages.timed_trainings(&work("study", spec.search.trials), search)?;
+    let refits = || arms::refit(spec, options, folder, &training, &searched.best, views, stages);
+    let predictions = stages.timed_trainings(&work("refit", 2 * spec.evaluation.refit_seeds), refits)?;
 
     stages
         .timed("evaluation", 1.0, || networks::evaluate(spec, folder, predictions, &dataset.value, &spectra.value))?;

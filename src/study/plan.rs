@@ -3,11 +3,11 @@
 use std::path::Path;
 
 use super::describe::thousands;
-use super::stages::{self, COMPONENTS, DATASET, FEATURES, MAPS, SPECTRA, Stages};
-use super::{Error, Options, trials};
+use super::stages::{self, COMPONENTS, DATASET, FEATURES, MAPS, SPECTRA, Stages, TrainingWork};
+use super::{Error, Options, pretrain, trials};
 use crate::backbone::Tunable;
 use crate::config::LoadedExperiment;
-use crate::config::spec::{Experiment, PanoramaSource, Tune};
+use crate::config::spec::{Experiment, Kind, PanoramaSource, Tune};
 use crate::pipeline::plan::{Need, Step};
 use crate::pipeline::rates::Rates;
 use crate::store::{Artefact, Cache, Hash, RunFolder};
@@ -28,6 +28,8 @@ mod default_rate {
     pub const STUDY: f64 = 4.5;
     /// A million rows that refits see.
     pub const REFIT: f64 = 3.0;
+    /// A million million multiplications of a trained backbone's way forward.
+    pub const BACKBONES: f64 = 33.0;
     /// Metrics of a run.
     pub const EVALUATION: f64 = 5.0;
     /// Tables, figures and page of a run.
@@ -45,7 +47,7 @@ pub fn plan(experiment: &LoadedExperiment, options: &Options) -> Result<Vec<Step
     let (key, panoramas) = stages::panoramas_key(spec)?;
     let mut steps = planner.artefacts(&key, panoramas, options)?;
     let views = panoramas * f64::from(spec.dataset.views_per_panorama);
-    steps.extend(planner.run_steps(folder.as_deref(), views)?);
+    steps.extend(planner.run_steps(folder.as_deref(), views, options)?);
     Ok(steps)
 }
 
@@ -121,8 +123,12 @@ impl Planner<'_> {
         Ok(steps)
     }
 
+    fn tunable(&self, options: &Options) -> Result<Tunable, Error> {
+        Ok(Tunable::load(&self.spec.backbone, stages::weights_source(self.spec, &options.weights)?)?.0)
+    }
+
     fn has_maps(&self, dataset: &Artefact, options: &Options) -> Result<bool, Error> {
-        let (backbone, _) = Tunable::load(&self.spec.backbone, stages::weights_source(self.spec, &options.weights)?)?;
+        let backbone = self.tunable(options)?;
         let key = dataset.derive_key(MAPS, &stages::maps_key_parts(self.spec, &backbone))?;
         Ok(self.cache.contains("maps", &key))
     }
@@ -158,49 +164,68 @@ impl Planner<'_> {
         Step { stage: stage.to_owned(), what, need: Need::Run { why }, seconds, measured }
     }
 
-    fn run_steps(&self, folder: Option<&Path>, views: f64) -> Result<Vec<Step>, Error> {
-        let rows = views * self.spec.split.train * f64::from(self.spec.augment.copies);
-        let units = |trainings: u32| stages::training_units(self.spec, trainings, rows);
+    /// What happens in the run folder.
+    fn run_steps(&self, folder: Option<&Path>, views: f64, options: &Options) -> Result<Vec<Step>, Error> {
         let finished = folder.is_some_and(|f| f.join(crate::store::SUMS).is_file());
-        let (trials, refits) = (self.spec.search.trials, 2 * self.spec.evaluation.refit_seeds);
-        let done = folder.map_or(Ok(0), trials::finished)?;
-        let step = |stage: &str, what: String, done: bool, why: &str, units: f64, rate: f64| {
-            let (seconds, measured) = self.rates.estimate(stage, units, rate);
-            match done {
-                true => Step { stage: stage.to_owned(), what, need: Need::Cached, seconds: 0.0, measured: true },
-                false => {
-                    Step { stage: stage.to_owned(), what, need: Need::Run { why: why.to_owned() }, seconds, measured }
-                }
-            }
+        let unfinished = "the run is not finished";
+        let mut steps = self.training_steps(folder, finished, views, options)?;
+        let rate = default_rate::EVALUATION;
+        steps.push(self.of_run("evaluation", "metrics, controls".into(), finished, unfinished, (1.0, rate)));
+        if self.spec.kind != Kind::Pretraining {
+            let rate = default_rate::REPORT;
+            steps.push(self.of_run("report", "tables, figures, page".into(), finished, unfinished, (1.0, rate)));
+        }
+        Ok(steps)
+    }
+
+    fn training_steps(
+        &self,
+        folder: Option<&Path>,
+        finished: bool,
+        views: f64,
+        options: &Options,
+    ) -> Result<Vec<Step>, Error> {
+        let spec = self.spec;
+        let (copies, multiply_adds) = match spec.backbone.tune {
+            Tune::Frozen => (spec.augment.copies, 0),
+            _ => (1, self.tunable(options)?.multiply_adds()),
         };
+        let rows = views * spec.split.train * f64::from(copies);
+        let work = |stage, trainings| TrainingWork::new(spec, stage, trainings, rows, multiply_adds);
+        let unfinished = "the run is not finished";
+        if spec.kind == Kind::Pretraining {
+            let what = format!("{} epochs", spec.train.epochs);
+            return Ok(vec![self.of_trainings(what, finished, unfinished, &work(pretrain::TRAINING, 1))]);
+        }
+        let (trials, refits) = (spec.search.trials, 2 * spec.evaluation.refit_seeds);
+        let done = folder.map_or(Ok(0), trials::finished)?;
         let left = trials.saturating_sub(done);
         let why = if done > 0 { format!("{done} of {trials} are done") } else { "no trial is done".to_owned() };
         Ok(vec![
-            step("study", format!("{trials} trials"), left == 0, &why, units(left), default_rate::STUDY),
-            step(
-                "refit",
-                format!("{refits} networks"),
-                finished,
-                "the run is not finished",
-                units(refits),
-                default_rate::REFIT,
-            ),
-            step(
-                "evaluation",
-                "metrics, controls".into(),
-                finished,
-                "the run is not finished",
-                1.0,
-                default_rate::EVALUATION,
-            ),
-            step(
-                "report",
-                "tables, figures, page".into(),
-                finished,
-                "the run is not finished",
-                1.0,
-                default_rate::REPORT,
-            ),
+            self.of_trainings(format!("{trials} trials"), left == 0, &why, &work("study", left)),
+            self.of_trainings(format!("{refits} networks"), finished, unfinished, &work("refit", refits)),
         ])
+    }
+
+    fn of_trainings(&self, what: String, done: bool, why: &str, work: &TrainingWork) -> Step {
+        let default = match (self.spec.backbone.tune, work.stage) {
+            (Tune::Frozen, "study") => default_rate::STUDY,
+            (Tune::Frozen, _) => default_rate::REFIT,
+            _ => default_rate::BACKBONES,
+        };
+        let (seconds, measured) = self.rates.estimate(&work.rate, work.units, default);
+        planned(work.stage, what, done, why, (seconds, measured))
+    }
+
+    fn of_run(&self, stage: &str, what: String, done: bool, why: &str, (units, rate): (f64, f64)) -> Step {
+        planned(stage, what, done, why, self.rates.estimate(stage, units, rate))
+    }
+}
+
+fn planned(stage: &str, what: String, done: bool, why: &str, (seconds, measured): (f64, bool)) -> Step {
+    let stage = stage.to_owned();
+    match done {
+        true => Step { stage, what, need: Need::Cached, seconds: 0.0, measured: true },
+        false => Step { stage, what, need: Need::Run { why: why.to_owned() }, seconds, measured },
     }
 }

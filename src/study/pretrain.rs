@@ -3,17 +3,19 @@
 use std::collections::BTreeMap;
 
 use super::inputs::Inputs;
-use super::networks::{self, Network, Settings};
-use super::stages::{Epochs, Made, Stages, Views};
+use super::networks::{self, Network, Settings, Training};
+use super::stages::{Epochs, Stages, TrainingWork, Views};
 use super::trainings::Which;
 use super::{Error, Options};
 use crate::backbone::WeightsDescription;
 use crate::config::spec::Experiment;
-use crate::dataset::Dataset;
 use crate::evaluate::Arm;
 use crate::store::{self, RunFolder};
 use crate::tables::write_refit_curve;
 use crate::train::{EpochRecord, Steps, TunedNetwork, Verdict};
+
+/// The stage in which the backbone is trained.
+pub(super) const TRAINING: &str = "training";
 
 /// What of a pretraining is equal to the byte between reruns.
 const EXACT: [&str; 6] = ["weights", "metrics.json", "comparisons.json", "curves", "predictions", "resolved.yaml"];
@@ -27,27 +29,20 @@ pub(super) fn execute(
     stages: &Stages,
     Views { dataset, spectra, .. }: &Views,
 ) -> Result<&'static [&'static str], Error> {
-    let units = f64::from(spec.train.epochs) * dataset.value.views().len() as f64 * 1e-3;
-    let mut network = stages.timed("training", units, || train(spec, options, folder, dataset, stages))?;
+    let image = |row| stages.network_input(&dataset.value, row);
+    let inputs = Inputs::make(spec, options, stages, dataset)?;
+    let training = inputs.training(spec, dataset.value.views(), &image)?;
+    let work = TrainingWork::new(spec, TRAINING, 1, training.rows(), inputs.trained_multiply_adds);
+    let mut network = stages.timed_trainings(&work, || train(spec, folder, &training, stages))?;
     export(spec, folder, &mut network)?;
     stages.timed("evaluation", 1.0, || {
-        let image = |row| stages.network_input(&dataset.value, row);
         let predictions = vec![networks::of_tuned(&network, dataset.value.views(), &image)?];
         networks::evaluate(spec, folder, BTreeMap::from([(Arm::Tuned, predictions)]), &dataset.value, &spectra.value)
     })?;
     Ok(&EXACT)
 }
 
-fn train(
-    spec: &Experiment,
-    options: &Options,
-    folder: &RunFolder,
-    dataset: &Made<Dataset>,
-    stages: &Stages,
-) -> Result<TunedNetwork, Error> {
-    let image = |row| stages.network_input(&dataset.value, row);
-    let inputs = Inputs::make(spec, options, stages, dataset)?;
-    let training = inputs.training(spec, dataset.value.views(), &image)?;
+fn train(spec: &Experiment, folder: &RunFolder, training: &Training, stages: &Stages) -> Result<TunedNetwork, Error> {
     let which = Which::Pretraining;
     let (checkpoint, chain) = (which.checkpoint(folder.path()), which.chain(folder.path()));
     let settings = Settings {

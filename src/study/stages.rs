@@ -11,7 +11,7 @@ use serde_json::json;
 
 use super::{Error, Options, RunDifference};
 use crate::backbone::{self, Backbone, Tunable, Variant, WeightsSource};
-use crate::config::spec::{Experiment, PanoramaSource};
+use crate::config::spec::{Experiment, PanoramaSource, Tune};
 use crate::dataset::{self, Dataset, Subset, View};
 use crate::features::{self, FeatureRow, FeatureSet};
 use crate::network::Projection;
@@ -105,13 +105,32 @@ impl<'a> Stages<'a> {
         units: f64,
         work: impl FnOnce() -> Result<T, Error>,
     ) -> Result<T, Error> {
-        let estimate = self.rates().estimate(stage, units, f64::NAN).0;
+        self.timed_at(stage, stage, units, work)
+    }
+
+    /// Executes trainings as [`timed`](Stages::timed) does, with the rate of what they train.
+    pub(super) fn timed_trainings<T>(
+        &self,
+        TrainingWork { stage, rate, units }: &TrainingWork,
+        work: impl FnOnce() -> Result<T, Error>,
+    ) -> Result<T, Error> {
+        self.timed_at(stage, rate, *units, work)
+    }
+
+    fn timed_at<T>(
+        &self,
+        stage: &str,
+        rate: &str,
+        units: f64,
+        work: impl FnOnce() -> Result<T, Error>,
+    ) -> Result<T, Error> {
+        let estimate = self.rates().estimate(rate, units, f64::NAN).0;
         self.events.tell("stage_started", &json!({ "stage": stage, "estimate": estimate }))?;
         let begun = Instant::now();
         let result = work()?;
         let seconds = begun.elapsed().as_secs_f64();
         self.events.tell("stage_finished", &json!({ "stage": stage, "seconds": seconds, "units": units }))?;
-        self.rates().note(stage, units, seconds)?;
+        self.rates().note(rate, units, seconds)?;
         Ok(result)
     }
 
@@ -210,7 +229,9 @@ impl<'a> Stages<'a> {
         let source = weights_source(spec, &options.weights)?;
         let variant = match &source {
             WeightsSource::Seeded { .. } => None,
-            WeightsSource::File { description, .. } => Some(description.variant.clone()),
+            WeightsSource::Shipped { description } | WeightsSource::File { description, .. } => {
+                Some(description.variant.clone())
+            }
         };
         Ok((Backbone::load(&spec.backbone, source)?, variant))
     }
@@ -324,9 +345,26 @@ pub(super) fn panoramas_key(spec: &Experiment) -> Result<(Hash, f64), Error> {
     }
 }
 
-/// Work of `trainings` trainings on `rows` rows, for estimates: millions of rows seen, if none ends early.
-pub(super) fn training_units(spec: &Experiment, trainings: u32, rows: f64) -> f64 {
-    f64::from(trainings) * f64::from(spec.train.epochs) * rows * 1e-6
+/// What a stage of trainings is estimated by.
+pub(super) struct TrainingWork {
+    /// Its stage.
+    pub stage: &'static str,
+    /// Name of its rate: a head's time is its rows', a backbone's its arithmetic.
+    pub rate: String,
+    /// A million rows that are seen; of a backbone, a million million multiplications of the way forward.
+    pub units: f64,
+}
+
+impl TrainingWork {
+    /// Of `trainings` trainings in `stage` that see `rows` rows an epoch; `multiply_adds` are those of the trained blocks
+    /// for a row, none if the backbone is frozen.
+    pub(super) fn new(spec: &Experiment, stage: &'static str, trainings: u32, rows: f64, multiply_adds: u64) -> Self {
+        let seen = f64::from(trainings) * f64::from(spec.train.epochs) * rows * 1e-6;
+        match spec.backbone.tune {
+            Tune::Frozen => Self { stage, rate: stage.to_owned(), units: seen },
+            _ => Self { stage, rate: format!("{stage} of backbones"), units: seen * multiply_adds as f64 * 1e-6 },
+        }
+    }
 }
 
 /// What the dataset depends on beside the panoramas' pixels.
@@ -362,13 +400,7 @@ fn key(parts: &serde_json::Value) -> Result<Hash, Error> {
 
 /// Where the weights of an experiment's backbone come from.
 pub(super) fn weights_source(spec: &Experiment, folders: &[std::path::PathBuf]) -> Result<WeightsSource, Error> {
-    match spec.backbone.weights.as_str() {
-        "seeded" => Ok(WeightsSource::Seeded { seed: spec.seed }),
-        name => {
-            let (path, description) = backbone::find_weights(name, folders)?;
-            Ok(WeightsSource::File { path, description })
-        }
-    }
+    Ok(backbone::weights_source(&spec.backbone.weights, spec.seed, folders)?)
 }
 
 /// Features of the plain rows of training views, one after the other.

@@ -20,7 +20,8 @@ const SMALLEST_INPUT: u32 = 75;
 /// An unknown name, another checksum, tensors that are missing, extra or of another shape.
 pub fn install_weights(file: &Path, name: &str, like: Option<&str>, options: &Options) -> Result<PathBuf, Error> {
     let plain = |c: char| c.is_ascii_alphanumeric() || "._-".contains(c);
-    if !name.starts_with(|c: char| c.is_ascii_alphanumeric()) || !name.chars().all(plain) {
+    let reserved = ["seeded", "shipped"].contains(&name);
+    if reserved || !name.starts_with(|c: char| c.is_ascii_alphanumeric()) || !name.chars().all(plain) {
         return Err(Error::WeightsName { name: name.to_owned() });
     }
     let beside = file.with_extension("yaml");
@@ -76,6 +77,7 @@ pub fn list_weights(options: &Options) -> Result<String, Error> {
         let Some(description) = WeightsDescription::embedded(name)? else { continue };
         let found = options.weights.iter().map(|f| f.join(&description.file)).find(|p| p.is_file());
         let place = match found {
+            _ if name == "shipped" => format!("part of the program; {}", description.source.trim_end()),
             Some(path) => path.display().to_string(),
             None => format!("not installed; {}", description.source.trim_end()),
         };

@@ -28,19 +28,20 @@ pub(super) fn controls(run: &RunArtefacts, quantities: &[Quantity]) -> Table {
             Column::text("excludes_zero", "Excludes 0"),
             Column::estimate("reduction_percent", "Reduction (%)"),
         ],
-        rows: run.comparisons.iter().filter(wanted).map(control_row).collect(),
+        rows: run.comparisons.iter().filter(wanted).map(|c| control_row(run, c)).collect(),
         notes: vec![
             format!(
                 "Difference = MAE of the arm − MAE of the other, paired by view: negative means that the arm is better. \
                  In brackets the {} % interval, bootstrapped over panoramas jointly for both.",
                 percent(run.experiment.evaluation.confidence)
             ),
+            population(run),
             unit_note(run),
         ],
     }
 }
 
-fn control_row(c: &Comparison) -> Vec<Cell> {
+fn control_row(run: &RunArtefacts, c: &Comparison) -> Vec<Cell> {
     let several = c.n_panoramas > 1;
     let decimals = decimals(c.quantity);
     let interval = several.then_some((c.ci_low, c.ci_high));
@@ -50,8 +51,8 @@ fn control_row(c: &Comparison) -> Vec<Cell> {
     });
     vec![
         Cell::text(quantity_name(c.quantity)),
-        Cell::text(arm_name(c.arm)),
-        Cell::text(arm_name(c.against)),
+        Cell::text(arm_name(run, c.arm)),
+        Cell::text(arm_name(run, c.against)),
         Cell::number(c.value, decimals),
         Cell::number(c.reference, decimals),
         Cell::Estimate { value: c.difference, spread: None, interval, decimals },
@@ -104,7 +105,7 @@ fn metric_key(metric: Metric) -> &'static str {
 
 fn summary_row(run: &RunArtefacts, subset: Subset, quantity: Quantity, arm: Arm) -> Option<Vec<Cell>> {
     row(run, subset, arm, quantity, Metric::Mae)?;
-    let name = [subset_name(subset), quantity_name(quantity), arm_name(arm)].map(Cell::text);
+    let name = [subset_name(subset), quantity_name(quantity), arm_name(run, arm)].map(Cell::text);
     let values = Metric::ALL.map(|metric| estimate(run, subset, arm, quantity, metric));
     Some([name.to_vec(), values.to_vec()].concat())
 }
@@ -124,7 +125,7 @@ fn objective_rows(run: &RunArtefacts) -> Vec<Vec<Cell>> {
         for arm in Arm::ALL {
             let mae = |quantity| row(run, subset, arm, quantity, Metric::Mae).map(|row| row.value);
             if let (Some(f), Some(xi)) = (mae(Quantity::FocalPx), mae(Quantity::Xi)) {
-                rows.push(line(subset, arm_name(arm), objective(f, xi)));
+                rows.push(line(subset, arm_name(run, arm), objective(f, xi)));
             }
         }
     }

@@ -40,7 +40,7 @@ pub use seeds::over_seeds;
 use artefacts::RunArtefacts;
 use published::Published;
 
-use crate::config::spec::CompareWith;
+use crate::config::spec::{self, CompareWith};
 use crate::evaluate::Quantity;
 
 /// All tables of a run: Tables 1 to 7, then `published` (if it is compared with the paper), `controls` and `summary`.
@@ -81,11 +81,15 @@ pub fn suite_tables(runs: &[RunArtefacts]) -> Result<Vec<Table>, published::Erro
 /// As [`tables`].
 pub fn terminal(run: &RunArtefacts) -> Result<String, published::Error> {
     let published = published_for(run)?;
-    let shown = [
-        errors::with_and_without(run, Quantity::Xi, published.as_ref()).without_notes(),
-        errors::with_and_without(run, Quantity::FocalPx, published.as_ref()),
-        comparisons::controls(run, &[Quantity::FocalPx, Quantity::Xi]).without_notes(),
-    ];
+    let controls = comparisons::controls(run, &[Quantity::FocalPx, Quantity::Xi]);
+    let shown = match run.experiment.kind {
+        spec::Kind::Pretraining => vec![controls],
+        _ => vec![
+            errors::with_and_without(run, Quantity::Xi, published.as_ref()).without_notes(),
+            errors::with_and_without(run, Quantity::FocalPx, published.as_ref()),
+            controls.without_notes(),
+        ],
+    };
     let mut text: Vec<String> = shown.iter().map(plain).collect();
     text.extend(run.warnings.iter().map(|warning| format!("warning: {warning}\n")));
     Ok(text.join("\n"))

@@ -2,7 +2,7 @@
 
 use super::artefacts::RunArtefacts;
 use super::model::Cell;
-use crate::config::spec::Architecture;
+use crate::config::spec::{Architecture, Kind};
 use crate::dataset::Subset;
 use crate::evaluate::{Arm, Metric, MetricRow, Quantity};
 use crate::statistics::sample_sd;
@@ -70,9 +70,10 @@ pub(super) fn metric_name(metric: Metric) -> &'static str {
     }
 }
 
-pub(super) fn arm_name(arm: Arm) -> &'static str {
+pub(super) fn arm_name(run: &RunArtefacts, arm: Arm) -> &'static str {
     match arm {
         Arm::Baseline => "without Optuna",
+        Arm::Tuned if run.experiment.kind == Kind::Pretraining => "trained network",
         Arm::Tuned => "with Optuna",
         Arm::PredictMean => "predict the mean",
         Arm::SpectrumControl => "spectrum control",
@@ -103,16 +104,19 @@ pub(super) fn percent(share: f64) -> String {
 
 /// What the values of a run are statistics of.
 pub(super) fn population(run: &RunArtefacts) -> String {
-    let spec = &run.experiment.evaluation;
+    let (spec, backbone) = (&run.experiment.evaluation, &run.experiment.backbone);
     let tested = run.metrics.iter().find(|row| row.subset == Subset::Test);
     let views = tested.map_or("no views".to_owned(), |r| format!("{} views of {} panoramas", r.n_views, r.n_panoramas));
+    let spread = match run.experiment.kind {
+        Kind::Pretraining => "one training".to_owned(),
+        _ => format!("mean ± standard deviation over {} refits with fresh seeds", spec.refit_seeds),
+    };
     format!(
-        "This run: the whole test subset ({views}); mean ± standard deviation over {} refits with fresh seeds; \
-         in brackets the {} % interval, bootstrapped over panoramas. Backbone {}, weights {}.",
-        spec.refit_seeds,
+        "This run: the whole test subset ({views}); {spread}; in brackets the {} % interval, bootstrapped over panoramas. \
+         Backbone {}, weights {}.",
         percent(spec.confidence),
-        backbone_name(run.experiment.backbone.architecture),
-        run.experiment.backbone.weights,
+        backbone_name(backbone.architecture),
+        backbone.weights,
     )
 }
 

@@ -17,6 +17,9 @@ pub(crate) trait Engine {
     /// Training rows of epoch `epoch`, in order; what a row's number means is up to the engine.
     fn epoch_rows(&self, epoch: u32) -> Vec<u32>;
 
+    /// Tells who listens that `rows` rows of an epoch are to come, if its steps take long enough to be counted.
+    fn announce(&self, _rows: usize) {}
+
     /// Mean loss over `rows` at `place`, before the step. Leaves `share` times its gradient in the gradients of all
     /// tensors: instead of what they hold in the first part of a batch, added to it in the others.
     ///

@@ -200,7 +200,9 @@ impl<'a> Run<'a> {
         let rows = self.engine.epoch_rows(epoch);
         let batch = self.train.batch_size as usize;
         let steps = rows.len().div_ceil(batch) as f64;
-        for rows in rows.chunks(batch).skip(self.position.step as usize) {
+        let done = self.position.step as usize;
+        self.engine.announce(rows.len().saturating_sub(done * batch));
+        for rows in rows.chunks(batch).skip(done) {
             if progress.interrupted() {
                 return self.interrupted();
             }

@@ -45,6 +45,10 @@ impl<E: Engine> Engine for Parts<E> {
         self.first().epoch_rows(epoch)
     }
 
+    fn announce(&self, rows: usize) {
+        self.first().announce(rows);
+    }
+
     fn gradients(&mut self, rows: &[u32], place: Place, share: f64) -> Result<f64, Error> {
         let weight = 1.0 / self.engines.len() as f64;
         let mut loss = 0.0;

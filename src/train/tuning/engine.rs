@@ -45,7 +45,7 @@ impl<'a> TuningEngine<'a> {
         let (backbone, parameters) = Tunable::load(job.backbone, job.weights.clone())?;
         let standardise = Arc::new(match job.weights {
             WeightsSource::Seeded { .. } => Standardisation::identity(backbone.dim()),
-            WeightsSource::File { .. } => fitted(job.data, &backbone, &parameters),
+            WeightsSource::Shipped { .. } | WeightsSource::File { .. } => fitted(job.data, &backbone, &parameters),
         });
         let head = Head::new(job.network, job.coding, standardise.clone(), job.seed, part)?;
         let count = parameters.len();
@@ -98,9 +98,11 @@ impl Engine for TuningEngine<'_> {
     }
 
     fn epoch_rows(&self, epoch: u32) -> Vec<u32> {
-        let rows = self.job.data.epoch_rows(self.job.train.augmentation_strength, self.job.seed, epoch);
-        self.progress.begin("views", rows.len() as u64);
-        rows
+        self.job.data.epoch_rows(self.job.train.augmentation_strength, self.job.seed, epoch)
+    }
+
+    fn announce(&self, rows: usize) {
+        self.progress.begin("views", rows as u64);
     }
 
     fn gradients(&mut self, rows: &[u32], place: Place, share: f64) -> Result<f64, Error> {

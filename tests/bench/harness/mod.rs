@@ -76,9 +76,11 @@ fn measure(job: Job, peers: &mut Peers, peaks: &mut [Vec<f64>; THREADS.len()]) -
     for round in 0..=rounds() {
         for (t, pool) in pools.iter().enumerate() {
             let time = timed(|| pool.install(&mut prepared.work));
+            // before the peers, whose threads go on spinning for a while
+            let peak = machine::peak_gflops(pool);
             let answers: Vec<Time> = names.iter().map(|work| peers.time(work, THREADS[t])).collect();
             if round > 0 {
-                round_peaks[t].extend(machine::peak_gflops(pool));
+                round_peaks[t].extend(peak);
                 ours.0[t].push(time);
                 theirs.iter_mut().zip(answers).for_each(|(times, answer)| times.0[t].push(answer));
             }
