@@ -3,6 +3,7 @@
 use super::args::{Global, RunArgs};
 use super::{Failure, listener, load, load_seeds, options};
 use crate::config::Loaded;
+use crate::config::spec::Kind;
 use crate::study;
 
 pub(super) fn run(global: &Global, args: &RunArgs) -> Result<(), Failure> {
@@ -42,7 +43,8 @@ fn with_seeds(global: &Global, args: &RunArgs, seeds: u32) -> Result<(), Failure
         return Ok(());
     }
     if !global.quiet {
-        print!("{}", study::summary_over_seeds(&runs)?);
+        let kind = experiments.first().map_or(Kind::Experiment, |experiment| experiment.spec.kind);
+        print!("{}", study::summary_over_seeds(kind, &runs)?);
     }
     runs.iter().for_each(|run| println!("{}", run.display()));
     Ok(())

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use super::{Error, Options, run};
 use crate::config::LoadedExperiment;
+use crate::config::spec::Kind;
 use crate::evaluate::{MetricRow, read_metrics};
 use crate::pipeline::progress::Progress;
 use crate::tables;
@@ -32,8 +33,8 @@ pub fn run_seeds(
 ///
 /// # Errors
 /// Metrics that cannot be read.
-pub fn summary_over_seeds(runs: &[PathBuf]) -> Result<String, Error> {
+pub fn summary_over_seeds(kind: Kind, runs: &[PathBuf]) -> Result<String, Error> {
     let metrics = |run: &PathBuf| -> Result<Vec<MetricRow>, Error> { Ok(read_metrics(&run.join("metrics.json"))?) };
     let all = runs.iter().map(metrics).collect::<Result<Vec<_>, _>>()?;
-    Ok(tables::plain_within(&tables::over_seeds(&all), 80))
+    Ok(tables::plain_within(&tables::over_seeds(kind, &all), 80))
 }

@@ -116,7 +116,7 @@ fn line(
     vec![
         Cell::text(number),
         Cell::text(quantity_name(quantity)),
-        Cell::text(arm_name(run, arm)),
+        Cell::text(arm_name(run.experiment.kind, arm)),
         Cell::text(statistic),
         ours,
         Cell::Number { value, decimals, flagged },

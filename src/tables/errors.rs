@@ -97,7 +97,7 @@ fn control_rows(quantity: Quantity, runs: &[&RunArtefacts]) -> Vec<Vec<Cell>> {
     let mut rows: Vec<Vec<Cell>> = Vec::new();
     for arm in [Arm::PredictMean, Arm::SpectrumControl] {
         for run in runs {
-            let row = measured_row(Cell::text(arm_name(run, arm)), run, runs, arm, quantity);
+            let row = measured_row(Cell::text(arm_name(run.experiment.kind, arm)), run, runs, arm, quantity);
             if !rows.iter().any(|shown| shown[0] == row[0] && shown[2..] == row[2..]) {
                 rows.push(row);
             }
@@ -141,7 +141,7 @@ pub(super) fn with_and_without(run: &RunArtefacts, quantity: Quantity, published
     }
     for arm in [Arm::PredictMean, Arm::SpectrumControl] {
         for metric in [Metric::Mae, Metric::Mse, Metric::MeanError, Metric::Sde] {
-            rows.push(reduction_row(run, quantity, metric, arm, arm_name(run, arm)));
+            rows.push(reduction_row(run, quantity, metric, arm, arm_name(run.experiment.kind, arm)));
         }
     }
     Table {

@@ -2,12 +2,13 @@
 
 use super::model::{Cell, Column, Table};
 use super::values::{arm_name, metric_name};
+use crate::config::spec::Kind;
 use crate::dataset::Subset;
 use crate::evaluate::{Arm, Metric, MetricRow, Quantity};
 use crate::statistics::{mean, sample_sd};
 
 /// Mean ± standard deviation over runs of the errors of f and ξ on the test subset; `metrics` holds the rows of each run.
-pub fn over_seeds(metrics: &[Vec<MetricRow>]) -> Table {
+pub fn over_seeds(kind: Kind, metrics: &[Vec<MetricRow>]) -> Table {
     const SHOWN: [Metric; 4] = [Metric::Mae, Metric::Mse, Metric::MeanError, Metric::Sde];
     const KEYS: [&str; 4] = ["mae", "mse", "mean_error", "sde"];
     let mut columns = vec![Column::text("quantity", ""), Column::text("arm", "Arm")];
@@ -20,7 +21,7 @@ pub fn over_seeds(metrics: &[Vec<MetricRow>]) -> Table {
                 over(metrics, arm, quantity, metric, decimals)
             });
             if cells.iter().any(|cell| *cell != Cell::Missing) {
-                rows.push([vec![Cell::text(name), Cell::text(arm_name(arm))], cells.to_vec()].concat());
+                rows.push([vec![Cell::text(name), Cell::text(arm_name(kind, arm))], cells.to_vec()].concat());
             }
         }
     }
@@ -58,7 +59,7 @@ mod tests {
     fn a_cell_is_mean_and_spread_over_runs() {
         let (one, mut other) = (run().metrics, run().metrics);
         other.iter_mut().for_each(|row| row.value += 2.0);
-        let table = over_seeds(&[one.clone(), other]);
+        let table = over_seeds(Kind::Experiment, &[one.clone(), other]);
         assert_eq!(table.rows.len(), 8);
         let row = table.rows.iter().find(|row| row[1] == Cell::text("with Optuna")).unwrap();
         let wanted = |r: &&MetricRow| {
@@ -68,6 +69,6 @@ mod tests {
         let value = one.iter().find(wanted).unwrap().value;
         let Cell::Estimate { value: mean, spread: Some(sd), .. } = row[2] else { panic!("{row:?}") };
         assert!((mean - value - 1.0).abs() < 1e-9 && (sd - 2f64.sqrt()).abs() < 1e-9);
-        assert!(matches!(over_seeds(&[one]).rows[0][2], Cell::Estimate { spread: None, .. }));
+        assert!(matches!(over_seeds(Kind::Experiment, &[one]).rows[0][2], Cell::Estimate { spread: None, .. }));
     }
 }

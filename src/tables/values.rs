@@ -70,10 +70,10 @@ pub(super) fn metric_name(metric: Metric) -> &'static str {
     }
 }
 
-pub(super) fn arm_name(run: &RunArtefacts, arm: Arm) -> &'static str {
+pub(super) fn arm_name(kind: Kind, arm: Arm) -> &'static str {
     match arm {
         Arm::Baseline => "without Optuna",
-        Arm::Tuned if run.experiment.kind == Kind::Pretraining => "trained network",
+        Arm::Tuned if kind == Kind::Pretraining => "trained network",
         Arm::Tuned => "with Optuna",
         Arm::PredictMean => "predict the mean",
         Arm::SpectrumControl => "spectrum control",

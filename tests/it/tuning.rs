@@ -69,7 +69,8 @@ fn a_pretraining_is_exact_and_its_weights_are_trained_on() {
 #[test]
 fn what_cannot_be_trained_is_refused() {
     let results = tempfile::tempdir().unwrap();
-    let tune = "run experiments/optuna_inception.yaml --profile tiny --set backbone.tune=";
+    let tune =
+        "run experiments/optuna_inception.yaml --profile tiny --set backbone.weights=seeded --set backbone.tune=";
     let message = fail_with(2, &mut command(results.path(), &format!("{tune}last:1")));
     assert!(message.contains("random blocks that stay random"), "{message}");
 }
