@@ -6,7 +6,7 @@ use super::model::{Cell, Column, FLAG, Kind, Table};
 
 /// Width of the page that tables fit into: a little less than the text width of LaTeX's
 /// `article` at 10 pt, in pt.
-const LINE: f64 = 335.0;
+const LINE: f64 = 322.0;
 
 /// Height of the page that a float fits into, likewise.
 const PAGE: f64 = 500.0;
