@@ -119,8 +119,11 @@ fn pair_metrics([a, b]: [&Run; 2], arm: Arm) -> Result<PairMetrics, Error> {
     Ok(pair)
 }
 
+/// Predictions of each refit.
+type Refits<'a> = &'a [Vec<Prediction>];
+
 /// The predictions of `arm` in both runs and the side of their views, or why they do not compare.
-fn comparable<'a>(a: &'a Run, b: &'a Run, arm: Arm) -> Result<([&'a [Vec<Prediction>]; 2], u32), String> {
+fn comparable<'a>(a: &'a Run, b: &'a Run, arm: Arm) -> Result<([Refits<'a>; 2], u32), String> {
     let (of_a, of_b) = (predictions(a, arm)?, predictions(b, arm)?);
     let (px_a, px_b) = (image_px(a)?, image_px(b)?);
     if px_a != px_b {

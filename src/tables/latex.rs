@@ -54,18 +54,21 @@ fn pages(table: &Table, part: &Part) -> Vec<Range<usize>> {
     let Font { character, line, .. } = part.font;
     let note = |note: &String| (note.chars().count() as f64 * character / LINE).ceil() * line + 3.0;
     let most = PAGE - table.notes.iter().map(note).sum::<f64>();
-    let mut pages = vec![0..0];
+    let mut pages: Vec<Range<usize>> = Vec::new();
     let mut used = 0.0;
     for (i, row) in table.rows.iter().enumerate() {
         let height = part.lines(row) as f64 * line;
-        let page = pages.len() - 1;
-        if used + height > most && !pages[page].is_empty() {
-            pages.push(i..i + 1);
-            used = height;
-        } else {
-            pages[page].end = i + 1;
-            used += height;
+        used += height;
+        match pages.last_mut() {
+            Some(page) if used <= most => page.end = i + 1,
+            _ => {
+                pages.push(i..i + 1);
+                used = height;
+            }
         }
+    }
+    if pages.is_empty() {
+        pages.push(0..0);
     }
     pages
 }
