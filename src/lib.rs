@@ -20,6 +20,11 @@ pub mod evaluate;
 pub mod tables;
 pub mod figures;
 pub mod report;
+pub mod compare;
+pub mod live;
+pub mod gc;
+pub mod archive;
+pub mod serve;
 
 pub mod study;
 

@@ -5,6 +5,8 @@ use std::path::PathBuf;
 use clap::builder::PossibleValuesParser;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
+use super::args_runs::{ArchiveArgs, GcArgs, RunsArgs, ServeArgs, WatchArgs};
+use crate::evaluate::Arm;
 use crate::figures::study::StudyPlot;
 
 /// Reproducible camera-characterisation studies from one YAML file.
@@ -62,6 +64,33 @@ pub enum Command {
     Run(RunArgs),
     /// Compute a finished run's trainings again and compare them with what it recorded, step by step.
     Verify(VerifyArgs),
+    /// Compare finished runs: the same to the byte or where first not, settings, errors, seeds, searches.
+    Compare(CompareArgs),
+    /// Make the tables of finished runs from their artefacts, beside the published values; nothing is trained.
+    Tables(TablesArgs),
+    /// List runs: state, seed, best value, trials, age and size, newest first.
+    Runs(RunsArgs),
+    /// Follow a run in the terminal.
+    ///
+    /// Ends when the run ends: with 0 if it has finished, 1 if it failed, 130 if it was interrupted. Nothing is written, and the
+    /// run does not notice.
+    Watch(WatchArgs),
+    /// Follow all runs in a browser.
+    ///
+    /// Only reading is answered, of the results folder alone. At a loopback address only this machine's own names are answered to.
+    Serve(ServeArgs),
+    /// Pack a finished run into one file, or take over a packed one.
+    ///
+    /// The archive has the run's folder, of a suite its runs too: all that verifying, comparing and reading its report takes,
+    /// but not the artefacts of the cache, which `panotune verify` then computes anew. They come along with `--with-cache`.
+    /// Panoramas and weights files of one's own that the experiment names are not in it.
+    Archive(ArchiveArgs),
+    /// Remove runs and artefacts that nothing needs; says what would go unless `--yes` is given.
+    ///
+    /// What remains keeps what it refers to: artefacts of the cache that a run's log names, and the runs of a suite. A run
+    /// under way, `results/reference`, weights and whatever is reached through a link are never touched. Runs in other results
+    /// folders that share the cache are not looked at; they make anew what they miss.
+    Gc(GcArgs),
     /// Check experiment files without computing anything.
     Check(CheckArgs),
     /// Show the stages of an experiment: cached or to run, why, and for how long.
@@ -121,6 +150,70 @@ pub struct RunArgs {
     /// Begin a new run even if there is one, and make every artefact anew.
     #[arg(long)]
     pub fresh: bool,
+    /// Run the experiment N times, with its seed and the N − 1 after it, each in a folder of its own.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub seeds: Option<u32>,
+}
+
+/// `panotune compare`.
+#[derive(Debug, Clone, Args)]
+pub struct CompareArgs {
+    /// Runs: folders, or beginnings of names in the results folder, e.g. `optuna_inception/s20250101`. Each is compared
+    /// with the first.
+    #[arg(value_name = "RUN", num_args = 2.., required_unless_present = "group", conflicts_with = "group")]
+    pub runs: Vec<String>,
+    /// Runs of one experiment with different seeds; may be given several times, and each group is compared with the first.
+    #[arg(long, value_name = "NAME=RUN,RUN…", value_parser = group)]
+    pub group: Vec<(String, Vec<String>)>,
+    /// Let values of `metrics.json` decide whether runs are the same, instead of all bytes.
+    #[arg(long)]
+    pub metrics_only: bool,
+    /// Relative difference up to which metrics are the same.
+    #[arg(long, value_name = "X", requires = "metrics_only", value_parser = tolerance)]
+    pub tolerance: Option<f64>,
+    /// Whose errors are compared.
+    #[arg(long, value_enum, default_value = "tuned")]
+    pub arm: ArmArg,
+    /// Write the comparison to DIR: `comparison.json`, tables, and the figure of the searches.
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+}
+
+/// Names of arms.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum ArmArg {
+    /// The best trial's hyper-parameters.
+    Tuned,
+    /// The fixed hyper-parameters.
+    Baseline,
+}
+
+impl ArmArg {
+    /// The arm.
+    pub fn arm(self) -> Arm {
+        match self {
+            ArmArg::Tuned => Arm::Tuned,
+            ArmArg::Baseline => Arm::Baseline,
+        }
+    }
+}
+
+/// A group as `name=run,run`.
+fn group(text: &str) -> Result<(String, Vec<String>), String> {
+    let wanted = || "expected a name and runs such as `a=RUN,RUN`".to_owned();
+    let (name, runs) = text.split_once('=').ok_or_else(wanted)?;
+    let usable = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '.');
+    if name.is_empty() || !name.chars().all(usable) {
+        return Err(format!("`{name}` cannot name a group: use letters, digits, `.`, `_` and `-`"));
+    }
+    let runs: Vec<String> = runs.split(',').map(|run| run.trim().to_owned()).collect();
+    if runs.iter().any(String::is_empty) { Err(wanted()) } else { Ok((name.to_owned(), runs)) }
+}
+
+/// A relative difference, at least 0.
+fn tolerance(text: &str) -> Result<f64, String> {
+    let number = text.parse::<f64>().ok().filter(|x| x.is_finite() && *x >= 0.0);
+    number.ok_or_else(|| "expected a number that is at least 0, such as `1e-6`".to_owned())
 }
 
 /// `panotune verify`.
@@ -137,6 +230,39 @@ pub struct VerifyArgs {
     /// Make every artefact anew, without the cache.
     #[arg(long)]
     pub fresh: bool,
+}
+
+/// `panotune tables`.
+#[derive(Debug, Clone, Args)]
+pub struct TablesArgs {
+    /// Folders of finished runs; Tables 2 and 3 then have a row for each [default: the newest of each experiment].
+    #[arg(value_name = "RUN", conflicts_with = "audit")]
+    pub runs: Vec<String>,
+    /// Hold the paper's own figures against each other instead: which follow, and which cannot be.
+    #[arg(long)]
+    pub audit: bool,
+    /// Only this table, e.g. `table_5`, `published`, `controls`, `summary`; may be given several times.
+    #[arg(long = "only", value_name = "TABLE")]
+    pub only: Vec<String>,
+    /// How they are printed.
+    #[arg(long, value_enum, default_value_t = TableFormat::Plain)]
+    pub format: TableFormat,
+    /// Write them to this folder, as Markdown, LaTeX, CSV and Parquet, instead of printing them.
+    #[arg(long, value_name = "DIR", conflicts_with = "format")]
+    pub out: Option<PathBuf>,
+}
+
+/// Formats in which tables are printed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum TableFormat {
+    /// Aligned columns.
+    Plain,
+    /// GitHub-flavoured Markdown.
+    Markdown,
+    /// LaTeX that needs booktabs.
+    Latex,
+    /// Comma-separated values with unrounded numbers.
+    Csv,
 }
 
 /// A share above 0 and up to 1, as `10%` or `0.1`.

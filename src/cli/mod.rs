@@ -2,24 +2,33 @@
 //!
 //! Data goes to standard output, talk to standard error.
 
+mod archive;
 mod args;
+mod args_runs;
 mod check;
+mod compare;
 mod config;
+mod gc;
 mod interrupt;
 mod plan;
 mod progress;
 mod run;
+mod runs;
+mod serve;
 mod study;
+mod tables;
 mod verify;
+mod watch;
 mod weights;
 
 pub use args::Cli;
 
 use std::io::IsTerminal;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Parser;
+use serde::Serialize;
 
 use crate::config::{ConfigErrors, Loaded, LoadedExperiment};
 use crate::error::{Class, Classify};
@@ -52,7 +61,10 @@ impl<E: Classify> From<E> for Failure {
 pub fn main() -> ExitCode {
     keep_pages();
     let cli = Cli::parse();
-    interrupt::listen();
+    if !matches!(cli.command, Command::Watch(_) | Command::Serve(_)) {
+        // Those two have nothing to bring to an end: a signal ends them at once.
+        interrupt::listen();
+    }
     match dispatch(&cli) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
@@ -70,6 +82,13 @@ fn dispatch(cli: &Cli) -> Result<(), Failure> {
     match &cli.command {
         Command::Run(args) => run::run(&cli.global, args),
         Command::Verify(args) => verify::verify(&cli.global, args),
+        Command::Compare(args) => compare::compare(&cli.global, args),
+        Command::Tables(args) => tables::tables(&cli.global, args),
+        Command::Runs(args) => runs::runs(&cli.global, args),
+        Command::Watch(args) => watch::watch(&cli.global, args),
+        Command::Serve(args) => serve::serve(&cli.global, args),
+        Command::Archive(args) => archive::archive(&cli.global, args),
+        Command::Gc(args) => gc::gc(&cli.global, args),
         Command::Check(args) => check::check(args),
         Command::Plan(args) => plan::plan(&cli.global, args),
         Command::Config(args) => config::config(args),
@@ -99,6 +118,17 @@ fn options(global: &Global, fresh: bool) -> Options {
     Options { results: global.results.clone(), cache, weights, threads: global.threads(), fresh }
 }
 
+/// The cache folder of a run that is named by its folder: the one that is asked for, or that beside it.
+fn cache_of(global: &Global, run: &Path) -> PathBuf {
+    let results = run.parent().and_then(Path::parent).filter(|_| global.cache.is_none());
+    results.map_or_else(|| global.cache(), |results| results.join(".cache"))
+}
+
+/// A value as one line of JSON.
+fn json_line<T: Serialize>(value: &T) -> String {
+    serde_json::to_string(value).unwrap_or_default()
+}
+
 fn listener(global: &Global) -> Box<dyn Progress> {
     match (global.quiet, global.json, std::io::stderr().is_terminal()) {
         (true, false, _) => Box::new(Quiet),
@@ -124,6 +154,28 @@ fn load_experiment(args: &ExperimentArgs) -> Result<Box<LoadedExperiment>, Failu
             Err(Failure::input(message))
         }
     }
+}
+
+/// The experiment with its own seed, and with each of the `seeds` − 1 after it.
+fn load_seeds(args: &ExperimentArgs, seeds: u32) -> Result<Vec<LoadedExperiment>, Failure> {
+    let first = load_experiment(args)?;
+    let profile = args.profile.map(args::ProfileArg::name);
+    let mut all = Vec::new();
+    for i in 1..u64::from(seeds) {
+        let seed = first.spec.seed.checked_add(i).ok_or_else(|| {
+            Failure::input(format!(
+                "error: there are no {seeds} seeds from {} on\nhint: `--set seed=1`",
+                first.spec.seed
+            ))
+        })?;
+        let sets = [args.sets.as_slice(), &[format!("seed={seed}")]].concat();
+        match load_file(&args.file, profile, &sets)? {
+            Loaded::Experiment(experiment) => all.push(*experiment),
+            Loaded::Suite(_) => unreachable!("it is an experiment with its own seed"),
+        }
+    }
+    all.insert(0, *first);
+    Ok(all)
 }
 
 fn config_failure(errors: &ConfigErrors) -> Failure {

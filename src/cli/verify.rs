@@ -1,11 +1,9 @@
 //! `panotune verify`
 
-use std::path::Path;
-
 use super::args::{Global, VerifyArgs};
-use super::{Failure, listener, options};
+use super::{Failure, cache_of, listener, options};
 use crate::error::Class;
-use crate::study::{self, Choice};
+use crate::study::{self, Choice, Options};
 
 pub(super) fn verify(global: &Global, args: &VerifyArgs) -> Result<(), Failure> {
     let choice = match (args.trial, args.sample) {
@@ -13,10 +11,7 @@ pub(super) fn verify(global: &Global, args: &VerifyArgs) -> Result<(), Failure> 
         (None, Some(share)) => Choice::Sample(share),
         (None, None) => Choice::All,
     };
-    let mut options = options(global, args.fresh);
-    if let (None, Some(results)) = (&global.cache, args.run.parent().and_then(Path::parent)) {
-        options.cache = results.join(".cache");
-    }
+    let options = Options { cache: cache_of(global, &args.run), ..options(global, args.fresh) };
     let verified = study::verify(&args.run, choice, &options, listener(global).as_ref())?;
     if global.json {
         println!("{}", verified.to_json());

@@ -26,6 +26,7 @@ mod tests;
 
 pub use error::{ConfigErrors, Diagnostic, Place, Source, wants_colour};
 pub use load::{Loaded, LoadedExperiment, LoadedSuite, load};
+pub use show::leaves;
 
 /// JSON Schema of experiment and suite files, for editors: indented, with a final newline.
 ///

@@ -27,10 +27,7 @@ impl LoadedExperiment {
 
     /// Every value as `path: value`, one a line; with `origin`, followed by `# file:line` (or the option) it came from.
     pub fn show(&self, origin: bool) -> String {
-        let mut lines = Vec::new();
-        if let Ok(spec) = serde_json::to_value(&self.spec) {
-            leaves(&spec, &mut Vec::new(), &mut lines);
-        }
+        let lines = serde_json::to_value(&self.spec).map(|spec| leaves(&spec)).unwrap_or_default();
         let widest =
             lines.iter().map(|(path, value)| path.len() + value.chars().count() + 2).max().unwrap_or(0).min(60);
         let line = |(path, value): &(String, String)| {
@@ -62,20 +59,27 @@ impl LoadedExperiment {
     }
 }
 
-fn leaves(value: &Value, path: &mut Vec<String>, lines: &mut Vec<(String, String)>) {
+/// Every value of a resolved specification with its path, e.g. (`train.epochs`, `50`), in the order in which it has them.
+pub fn leaves(spec: &Value) -> Vec<(String, String)> {
+    let mut lines = Vec::new();
+    collect(spec, &mut Vec::new(), &mut lines);
+    lines
+}
+
+fn collect(value: &Value, path: &mut Vec<String>, lines: &mut Vec<(String, String)>) {
     let nested = |v: &Value| v.is_object() || v.is_array();
     match value {
         Value::Object(map) if !map.is_empty() => {
             for (key, inside) in map {
                 path.push(key.clone());
-                leaves(inside, path, lines);
+                collect(inside, path, lines);
                 path.pop();
             }
         }
         Value::Array(items) if items.iter().any(nested) => {
             for (i, inside) in items.iter().enumerate() {
                 path.push(i.to_string());
-                leaves(inside, path, lines);
+                collect(inside, path, lines);
                 path.pop();
             }
         }

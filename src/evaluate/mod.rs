@@ -1,5 +1,6 @@
 //! Predictions to metrics with intervals, and the controls that every result is held against.
 
+mod between;
 mod camera;
 mod columns;
 mod comparison;
@@ -7,7 +8,9 @@ mod controls;
 mod files;
 mod metrics;
 mod sample;
+mod seeds;
 
+pub use between::{CONTRASTED, Contrast, ContrastMethod, Contrasts, contrasts, why_unpaired};
 pub use comparison::{Comparison, Reduction, comparisons, reduction_percent};
 pub use controls::{PENALTIES, predict_the_mean, spectrum_control};
 pub use files::{
@@ -15,6 +18,7 @@ pub use files::{
     write_metrics, write_predictions,
 };
 pub use metrics::{ErrorStatistics, error_statistics, rows};
+pub use seeds::{SeedContrast, SeedSpread, seed_contrasts, seed_spread};
 
 pub(crate) use columns::{number_column, text_column, to_parquet};
 

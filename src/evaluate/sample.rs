@@ -1,6 +1,6 @@
 //! Predictions of one arm on one subset, checked and ordered, with the panorama of each view.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::camera::Camera;
 use super::{Arm, Error, Prediction, Quantity};
@@ -37,6 +37,39 @@ impl Sample {
     /// Number of views.
     pub(super) fn views(&self) -> usize {
         self.refits.first().map_or(0, Vec::len)
+    }
+
+    /// Why views cannot be paired with those of `other`; `None` if they can.
+    pub(super) fn unpaired(&self, other: &Self) -> Option<String> {
+        let (a, b) = (self.refits.first()?, other.refits.first()?);
+        if a.len() != b.len() {
+            return Some(format!("{} views and {} views", a.len(), b.len()));
+        }
+        let named =
+            |p: &Prediction| format!("view {} of panorama {}", p.view, p.panorama.get(..8).unwrap_or(&p.panorama));
+        let label = |p: &Prediction| (p.f_true.to_bits(), p.xi_true.to_bits());
+        let (a, b) =
+            a.iter().zip(b).find(|(a, b)| (a.view, &a.panorama, label(a)) != (b.view, &b.panorama, label(b)))?;
+        Some(if (a.view, &a.panorama) == (b.view, &b.panorama) {
+            format!(
+                "{} has f = {} px, ξ = {} and f = {} px, ξ = {}",
+                named(a),
+                a.f_true,
+                a.xi_true,
+                b.f_true,
+                b.xi_true
+            )
+        } else {
+            format!("{} and {}", named(a), named(b))
+        })
+    }
+
+    /// Whether a panorama is in both samples.
+    pub(super) fn shares_panoramas(&self, other: &Self) -> bool {
+        let ids = |sample: &Self| -> BTreeSet<String> {
+            sample.refits.first().into_iter().flatten().map(|p| p.panorama.clone()).collect()
+        };
+        !ids(self).is_disjoint(&ids(other))
     }
 
     /// Checks that another arm was measured on the same views.
@@ -124,27 +157,38 @@ pub(super) struct PanoramaSums {
 impl PanoramaSums {
     pub(super) fn new(errors: &[f64], panoramas: &[Vec<usize>]) -> Self {
         let centre = errors.iter().sum::<f64>() / errors.len().max(1) as f64;
-        let of = |views: &Vec<usize>| {
-            let mut sums = Sums::nothing();
-            views.iter().for_each(|i| sums.add(errors[*i], centre));
-            sums
-        };
-        Self { centre, sums: panoramas.iter().map(of).collect() }
+        Self { centre, sums: Sums::by_panorama(errors, panoramas, centre) }
     }
 
     /// MAE, MSE, mean error, SDE, Max E and Min E over the drawn panoramas.
     pub(super) fn statistics(&self, draw: &[usize]) -> [f64; 6] {
         let mut total = Sums::nothing();
         draw.iter().for_each(|i| total.join(&self.sums[*i]));
-        let shift = total.signed / total.count;
-        let variance = (total.squared / total.count - shift * shift).max(0.0);
-        let mean = self.centre + shift;
-        [total.absolute / total.count, variance + mean * mean, mean, variance.sqrt(), total.max, total.min]
+        total.statistics(self.centre)
     }
 }
 
 impl Sums {
-    fn nothing() -> Self {
+    /// The sums of each panorama's errors, taken relative to `centre`.
+    pub(super) fn by_panorama(errors: &[f64], panoramas: &[Vec<usize>], centre: f64) -> Vec<Self> {
+        let of = |views: &Vec<usize>| {
+            let mut sums = Self::nothing();
+            views.iter().for_each(|i| sums.add(errors[*i], centre));
+            sums
+        };
+        panoramas.iter().map(of).collect()
+    }
+
+    /// MAE, MSE, mean error, SDE, Max E and Min E of all errors in the sums, which were taken relative to `centre`.
+    pub(super) fn statistics(&self, centre: f64) -> [f64; 6] {
+        let shift = self.signed / self.count;
+        let variance = (self.squared / self.count - shift * shift).max(0.0);
+        let mean = centre + shift;
+        [self.absolute / self.count, variance + mean * mean, mean, variance.sqrt(), self.max, self.min]
+    }
+
+    /// The sums of no error.
+    pub(super) fn nothing() -> Self {
         Self { count: 0.0, absolute: 0.0, signed: 0.0, squared: 0.0, max: 0.0, min: f64::INFINITY }
     }
 
@@ -153,7 +197,8 @@ impl Sums {
         self.join(&Self { count: 1.0, absolute: size, signed: rest, squared: rest * rest, max: size, min: size });
     }
 
-    fn join(&mut self, other: &Self) {
+    /// Adds the errors of `other`.
+    pub(super) fn join(&mut self, other: &Self) {
         self.count += other.count;
         self.absolute += other.absolute;
         self.signed += other.signed;

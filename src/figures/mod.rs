@@ -9,6 +9,7 @@ pub mod drawing;
 pub mod study;
 pub mod style;
 
+mod compared;
 mod curves;
 mod errors;
 mod flow;
@@ -26,6 +27,8 @@ mod text;
 pub(crate) mod fixture;
 #[cfg(test)]
 mod tests;
+
+pub use compared::{Curve, search_curves};
 
 use std::path::{Path, PathBuf};
 

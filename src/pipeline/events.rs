@@ -50,6 +50,6 @@ impl Events {
 }
 
 /// Seconds since 1970, for people; no result depends on it.
-fn unix_seconds() -> f64 {
+pub fn unix_seconds() -> f64 {
     SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |d| d.as_secs_f64())
 }

@@ -4,3 +4,4 @@ pub mod events;
 pub mod plan;
 pub mod progress;
 pub mod rates;
+pub mod recorded;

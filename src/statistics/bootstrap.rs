@@ -60,21 +60,51 @@ impl Bootstrap {
         }
         let resamples: Vec<Vec<f64>> =
             (0..self.resamples).into_par_iter().map(|i| statistics(&self.draw(i, clusters))).collect();
+        self.of_each(&resamples)
+    }
+
+    /// Intervals of several statistics of two independent samples, whose clusters are drawn separately.
+    ///
+    /// Nothing is returned if either sample has no cluster.
+    pub fn intervals_of_two(
+        &self,
+        clusters: [usize; 2],
+        statistics: impl Fn(&[usize], &[usize]) -> Vec<f64> + Sync,
+    ) -> Vec<Interval> {
+        if clusters.contains(&0) {
+            return Vec::new();
+        }
+        let resample = |i: u32| statistics(&self.draw(i, clusters[0]), &self.draw_second(i, clusters[1]));
+        let resamples: Vec<Vec<f64>> = (0..self.resamples).into_par_iter().map(resample).collect();
+        self.of_each(&resamples)
+    }
+
+    fn of_each(&self, resamples: &[Vec<f64>]) -> Vec<Interval> {
         let count = resamples.first().map_or(0, Vec::len);
-        (0..count).map(|k| self.percentiles(resamples.iter().map(|values| values[k]).collect())).collect()
+        let values = |k: usize| resamples.iter().map(|values| values[k]).collect();
+        (0..count).map(|k| percentiles(values(k), self.confidence)).collect()
     }
 
     fn draw(&self, resample: u32, clusters: usize) -> Vec<usize> {
-        let mut stream = rng::stream(self.seed, "statistics", &[u64::from(resample)], "bootstrap");
-        (0..clusters).map(|_| stream.below(clusters as u64) as usize).collect()
+        draw(self.seed, &[resample.into()], clusters)
     }
 
-    fn percentiles(&self, mut values: Vec<f64>) -> Interval {
-        values.sort_unstable_by(f64::total_cmp);
-        let tail = 0.5 * (1.0 - self.confidence);
-        let at = |q| quantile_of_sorted(&values, q).unwrap_or(f64::NAN);
-        Interval { low: at(tail), high: at(1.0 - tail) }
+    fn draw_second(&self, resample: u32, clusters: usize) -> Vec<usize> {
+        draw(self.seed, &[resample.into(), 1], clusters)
     }
+}
+
+fn draw(seed: u64, index: &[u64], clusters: usize) -> Vec<usize> {
+    let mut stream = rng::stream(seed, "statistics", index, "bootstrap");
+    (0..clusters).map(|_| stream.below(clusters as u64) as usize).collect()
+}
+
+/// The interval that holds the middle share `confidence` of `values`.
+pub(super) fn percentiles(mut values: Vec<f64>, confidence: f64) -> Interval {
+    values.sort_unstable_by(f64::total_cmp);
+    let tail = 0.5 * (1.0 - confidence);
+    let at = |q| quantile_of_sorted(&values, q).unwrap_or(f64::NAN);
+    Interval { low: at(tail), high: at(1.0 - tail) }
 }
 
 /// Mean of `values`, with an interval over the clusters to which they belong.
@@ -185,6 +215,18 @@ mod tests {
         assert_eq!((estimate.value, estimate.interval), (2.0, Interval { low: 2.0, high: 2.0 }));
         assert!(clustered_mean::<u8>(&[], &[], &BOOTSTRAP).is_err());
         assert!(BOOTSTRAP.intervals(0, |_| vec![1.0]).is_empty());
+    }
+
+    #[test]
+    fn two_samples_are_drawn_independently() {
+        let values: Vec<f64> = (0..40).map(f64::from).collect();
+        let mean_of = |draw: &[usize]| draw.iter().map(|i| values[*i]).sum::<f64>() / draw.len() as f64;
+        let width = |interval: Interval| interval.high - interval.low;
+        let of = Bootstrap { resamples: 4000, ..BOOTSTRAP };
+        let one = width(of.intervals(40, |draw| vec![mean_of(draw)])[0]);
+        let two = width(of.intervals_of_two([40, 40], |a, b| vec![mean_of(a) - mean_of(b)])[0]);
+        assert!((two / one - 2f64.sqrt()).abs() < 0.1, "{}", two / one);
+        assert!(of.intervals_of_two([3, 0], |_, _| vec![1.0]).is_empty());
     }
 
     #[test]

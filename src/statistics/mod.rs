@@ -1,16 +1,28 @@
-//! Descriptive statistics, intervals and ridge regression, used by evaluation and comparison.
+//! Descriptive statistics, intervals, tests, components of variance and ridge regression, used by evaluation and
+//! comparison.
 //!
 //! All sums run in the order of their terms, so a result does not depend on the number of threads.
 
 mod bootstrap;
 mod describe;
 mod linear;
+mod multiple;
+mod permutation;
 mod ridge;
+mod student;
+mod variance;
+
+#[cfg(test)]
+mod golden_tests;
 
 pub use bootstrap::{Bootstrap, Estimate, Interval, clustered_mean, paired_difference};
 pub use describe::{mean, median, population_sd, quantile, sample_sd, sum};
 pub use linear::{Cholesky, Matrix};
+pub use multiple::holm;
+pub use permutation::{Permutation, Significance};
 pub use ridge::Ridge;
+pub use student::{student_mean, student_quantile, welch_difference};
+pub use variance::{Components, variance_components};
 
 use crate::error::{Class, Classify};
 

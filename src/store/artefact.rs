@@ -6,11 +6,15 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::file::{create_dir, remove_dir, sync_dir, write_json};
+use super::file::{PARTIAL, create_dir, remove_dir, sync_dir, write_json};
 use super::{Error, Hash, Hasher, hash_file, hash_json};
 
 const MANIFEST: &str = "MANIFEST.json";
 const FORMAT: u32 = 1;
+/// How the name of the file begins whose lock protects an artefact.
+const LOCK: &str = ".lock-";
+/// Digits of a key in the name of an artefact's folder.
+const KEY_DIGITS: usize = 32;
 
 #[derive(Debug, Serialize, Deserialize)]
 struct Manifest {
@@ -38,7 +42,7 @@ impl Cache {
 
     /// The folder of the artefact of `stage` with content key `key`.
     pub fn folder(&self, stage: &str, key: &Hash) -> PathBuf {
-        self.root.join(stage).join(key.short(32))
+        self.root.join(stage).join(key.short(KEY_DIGITS))
     }
 
     /// Whether the artefact is there; its files are not read.
@@ -89,7 +93,8 @@ impl Cache {
             Err(Error::Damaged { .. }) => remove_dir(&self.folder(stage, key))?,
             Err(other) => return Err(other.into()),
         }
-        let writer = ArtefactWriter { folder: self.root.join(stage).join(format!(".partial-{}", key.short(32))) };
+        let writer =
+            ArtefactWriter { folder: self.root.join(stage).join(format!("{PARTIAL}{}", key.short(KEY_DIGITS))) };
         remove_dir(&writer.folder)?;
         create_dir(&writer.folder)?;
         write(&writer)?;
@@ -107,14 +112,102 @@ impl Cache {
         &self.root
     }
 
+    /// Every artefact that is there whole, and every one that a process began and may not have finished, sorted. Links
+    /// are passed over, and so is what is no artefact.
+    ///
+    /// # Errors
+    /// A folder cannot be read.
+    pub fn list(&self) -> Result<Vec<Cached>, Error> {
+        let mut found = Vec::new();
+        for stage in folders(&self.root)? {
+            for name in folders(&self.root.join(&stage))? {
+                let (key, whole) = match name.strip_prefix(PARTIAL) {
+                    Some(key) => (key, false),
+                    None => (name.as_str(), self.root.join(&stage).join(&name).join(MANIFEST).is_file()),
+                };
+                let is_key = key.len() == KEY_DIGITS && key.bytes().all(|b| b.is_ascii_hexdigit());
+                if is_key && (whole || name != key) {
+                    found.push(Cached { stage: stage.clone(), key: key.to_owned(), whole });
+                }
+            }
+        }
+        found.sort();
+        Ok(found)
+    }
+
+    /// The folder of a listed artefact.
+    pub fn folder_of(&self, cached: &Cached) -> PathBuf {
+        let partial = if cached.whole { "" } else { PARTIAL };
+        self.root.join(&cached.stage).join(format!("{partial}{}", cached.key))
+    }
+
+    /// Whether a process makes or opens a listed artefact just now. Nothing is written.
+    pub fn is_busy(&self, cached: &Cached) -> bool {
+        let lock = File::open(self.root.join(&cached.stage).join(format!("{LOCK}{}", cached.key)));
+        lock.is_ok_and(|file| matches!(file.try_lock_shared(), Err(std::fs::TryLockError::WouldBlock)))
+    }
+
+    /// Locks a listed artefact, so that no process makes or opens it; `None` if one does so just now.
+    ///
+    /// # Errors
+    /// Those of the disk.
+    pub fn try_lock(&self, cached: &Cached) -> Result<Option<ArtefactLock>, Error> {
+        let (file, path) = self.lock_file(&cached.stage, &cached.key)?;
+        match file.try_lock() {
+            Ok(()) => Ok(Some(ArtefactLock { _file: file })),
+            Err(std::fs::TryLockError::WouldBlock) => Ok(None),
+            Err(std::fs::TryLockError::Error(e)) => Err(Error::io("lock", &path, e)),
+        }
+    }
+
     fn lock(&self, stage: &str, key: &Hash) -> Result<File, Error> {
-        let folder = self.root.join(stage);
-        create_dir(&folder)?;
-        let path = folder.join(format!(".lock-{}", key.short(32)));
-        let file = File::options().create(true).append(true).open(&path).map_err(|e| Error::io("create", &path, e))?;
+        let (file, path) = self.lock_file(stage, key.short(KEY_DIGITS))?;
         file.lock().map_err(|e| Error::io("lock", &path, e))?;
         Ok(file)
     }
+
+    /// The file whose lock protects an artefact. It stays when the artefact goes: who waits for it has it open.
+    fn lock_file(&self, stage: &str, key: &str) -> Result<(File, PathBuf), Error> {
+        let folder = self.root.join(stage);
+        create_dir(&folder)?;
+        let path = folder.join(format!("{LOCK}{key}"));
+        let file = File::options().create(true).append(true).open(&path).map_err(|e| Error::io("create", &path, e))?;
+        Ok((file, path))
+    }
+}
+
+/// An artefact as its place in the cache names it.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Cached {
+    /// Its stage.
+    pub stage: String,
+    /// The first 32 digits of its key.
+    pub key: String,
+    /// Whether it is whole; otherwise a process makes it, or was killed while it did.
+    pub whole: bool,
+}
+
+/// The right to remove an artefact, given up when dropped.
+#[derive(Debug)]
+pub struct ArtefactLock {
+    _file: File,
+}
+
+/// Names of the folders in `folder`, links excepted; an absent one has none.
+fn folders(folder: &Path) -> Result<Vec<String>, Error> {
+    let fail = |e| Error::io("read", folder, e);
+    let entries = match std::fs::read_dir(folder) {
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
+        other => other.map_err(fail)?,
+    };
+    let mut names = Vec::new();
+    for entry in entries {
+        let entry = entry.map_err(fail)?;
+        if entry.file_type().map_err(fail)?.is_dir() {
+            names.extend(entry.file_name().into_string().ok());
+        }
+    }
+    Ok(names)
 }
 
 fn check(path: &Path, entry: &Entry) -> Result<(), Error> {
@@ -227,6 +320,25 @@ mod tests {
         assert!(matches!(opened, Err(Error::Damaged { .. })), "{opened:?}");
         let artefact = make(&cache, "again").unwrap();
         assert_eq!(read(&artefact.path("a.txt")).unwrap(), b"again");
+    }
+
+    #[test]
+    fn what_is_listed_can_be_locked_unless_it_is_being_made() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = Cache::new(folder.path());
+        make(&cache, "first").unwrap();
+        write(&folder.path().join("weights/w.bin"), b"no artefact").unwrap();
+        let [cached] = &cache.list().unwrap()[..] else { panic!() };
+        assert!(cached.whole && cache.folder_of(cached).join("a.txt").is_file());
+        assert!(cache.try_lock(cached).unwrap().is_some());
+        let making = cache.open_or_make("other", &hash_bytes(b"key"), |w| {
+            let found = cache.list()?.into_iter().find(|c| c.stage == "other");
+            let found = found.unwrap();
+            assert!(!found.whole && cache.try_lock(&found)?.is_none());
+            write(&w.path("b.txt"), b"b")
+        });
+        making.unwrap();
+        assert!(cache.list().unwrap().iter().all(|c| c.whole));
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Whole files, written so that they are complete or absent.
 
 use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::io::{BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
@@ -31,12 +31,30 @@ impl AtomicFile {
 
     /// Syncs the file and gives it its name.
     pub fn commit(self) -> Result<(), Error> {
+        self.persist(|temporary, target| temporary.persist(target).map(drop))
+    }
+
+    /// Syncs the file and gives it its name, unless a file has it already, which is an error of the kind `AlreadyExists`.
+    pub fn commit_new(self) -> Result<(), Error> {
+        self.persist(|temporary, target| temporary.persist_noclobber(target).map(drop))
+    }
+
+    fn persist(
+        self,
+        name: impl FnOnce(NamedTempFile, &Path) -> Result<(), tempfile::PersistError>,
+    ) -> Result<(), Error> {
         let fail = |e| Error::io("write", &self.target, e);
         let temporary = self.writer.into_inner().map_err(|e| Error::io("write", &self.target, e.into_error()))?;
         make_readable(temporary.as_file()).map_err(fail)?;
         temporary.as_file().sync_all().map_err(fail)?;
-        temporary.persist(&self.target).map_err(|e| fail(e.error))?;
+        name(temporary, &self.target).map_err(|e| fail(e.error))?;
         sync_dir(folder_of(&self.target))
+    }
+}
+
+impl Seek for AtomicFile {
+    fn seek(&mut self, to: SeekFrom) -> std::io::Result<u64> {
+        self.writer.seek(to)
     }
 }
 

@@ -5,21 +5,27 @@
 
 mod appender;
 mod artefact;
+mod aside;
 mod file;
 mod hash;
+mod inside;
 mod log;
 mod presence;
 mod run_folder;
+mod run_list;
 mod shared_log;
 mod tensor;
 
 pub use appender::Appender;
-pub use artefact::{Artefact, ArtefactWriter, Cache};
+pub use artefact::{Artefact, ArtefactLock, ArtefactWriter, Cache, Cached};
+pub use aside::{Staging, remove_aside, was_aside};
 pub use file::{AtomicFile, copy, create_dir, make, read, read_to_string, remove_dir, remove_file, write, write_json};
 pub use hash::{Hash, Hasher, hash_bytes, hash_file, hash_json};
+pub use inside::{open_inside, safe_segments};
 pub use log::AppendLog;
-pub use presence::Presence;
+pub use presence::{PRESENCE, Presence, SCRATCH};
 pub use run_folder::{Opened, RunFolder, SUMS};
+pub use run_list::{RunName, files_below, run_names, size_below};
 pub use shared_log::{SharedLog, SharedLogGuard, unique_word};
 pub use tensor::TensorBytes;
 

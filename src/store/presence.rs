@@ -6,6 +6,11 @@ use std::path::{Path, PathBuf};
 
 use super::{Error, create_dir, unique_word};
 
+/// How the names of caches begin that one process uses alone and removes when it is done.
+pub const SCRATCH: &str = ".scratch-";
+/// The folder of a scratch cache in which its process is shown.
+pub const PRESENCE: &str = ".presence";
+
 /// A file that shows others, as long as this value lives, that the process does.
 #[derive(Debug)]
 pub struct Presence {
@@ -40,6 +45,14 @@ impl Presence {
         &self.name
     }
 
+    /// Whether any process that is shown in `folder` is alive; without the folder there is none.
+    pub fn any_alive(folder: &Path) -> bool {
+        let held = |path: PathBuf| {
+            File::open(path).is_ok_and(|f| matches!(f.try_lock_shared(), Err(TryLockError::WouldBlock)))
+        };
+        std::fs::read_dir(folder).is_ok_and(|entries| entries.flatten().any(|e| held(e.path())))
+    }
+
     /// Whether the process shown under `name` in the same folder is alive. One whose file cannot be looked at is
     /// taken to be.
     pub fn is_alive(&self, name: &str) -> bool {
@@ -69,6 +82,7 @@ mod tests {
     fn a_name_lives_as_long_as_its_process() {
         let folder = tempfile::tempdir().unwrap();
         let (a, b) = (Presence::show(folder.path()).unwrap(), Presence::show(folder.path()).unwrap());
+        assert!(Presence::any_alive(folder.path()) && !Presence::any_alive(&folder.path().join("absent")));
         assert!(a.is_alive(b.name()) && a.is_alive(a.name()) && !a.is_alive("nobody"));
         let name = b.name().to_owned();
         drop(b);

@@ -1,13 +1,18 @@
 //! Run folders: `<results>/<name>/s<seed>-<hash>-<n>/`, one for each execution.
 
-use std::fs::File;
+use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use super::file::{PARTIAL, create_dir, remove_file, write};
 use super::{Error, Hash, hash_file};
 
 /// Written last: a run with it is finished.
 pub const SUMS: &str = "SHA256SUMS";
+/// Held by the process that works on the run.
+const LOCK: &str = ".lock";
+const LOCK_ATTEMPTS: u32 = 20;
+const LOCK_PAUSE: Duration = Duration::from_millis(15);
 
 /// A run's folder, locked against other processes as long as the value lives.
 #[derive(Debug)]
@@ -43,16 +48,42 @@ impl RunFolder {
             return Ok(Opened::Finished(path));
         }
         create_dir(&path)?;
-        let lock_path = path.join(".lock");
+        let lock_path = path.join(LOCK);
         let options = File::options().create(true).append(true).open(&lock_path);
         let lock = options.map_err(|e| Error::io("create", &lock_path, e))?;
-        match lock.try_lock() {
-            Ok(()) => {
-                remove_partial_files(&path)?;
-                Ok(Opened::Unfinished(Self { path, _lock: lock }))
-            }
-            Err(std::fs::TryLockError::WouldBlock) => Ok(Opened::Busy(path)),
-            Err(std::fs::TryLockError::Error(e)) => Err(Error::io("lock", &lock_path, e)),
+        if !lock_patiently(&lock, &lock_path)? {
+            return Ok(Opened::Busy(path));
+        }
+        remove_partial_files(&path)?;
+        Ok(Opened::Unfinished(Self { path, _lock: lock }))
+    }
+
+    /// Locks the run in the folder `path` against other processes, whatever its state; `None` if one works on it.
+    ///
+    /// # Errors
+    /// Those of the disk.
+    pub fn hold(path: &Path) -> Result<Option<Self>, Error> {
+        let lock_path = path.join(LOCK);
+        let options = File::options().create(true).append(true).open(&lock_path);
+        let lock = options.map_err(|e| Error::io("create", &lock_path, e))?;
+        Ok(lock_patiently(&lock, &lock_path)?.then(|| Self { path: path.to_owned(), _lock: lock }))
+    }
+
+    /// Whether a process works on the run in the folder `path`. Nothing is written; who asks to work on the run just
+    /// now is not turned away.
+    ///
+    /// # Errors
+    /// The lock cannot be looked at.
+    pub fn is_busy(path: &Path) -> Result<bool, Error> {
+        let lock_path = path.join(LOCK);
+        let lock = match File::open(&lock_path) {
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(false),
+            other => other.map_err(|e| Error::io("open", &lock_path, e))?,
+        };
+        match lock.try_lock_shared() {
+            Ok(()) => Ok(false),
+            Err(TryLockError::WouldBlock) => Ok(true),
+            Err(TryLockError::Error(e)) => Err(Error::io("lock", &lock_path, e)),
         }
     }
 
@@ -75,7 +106,7 @@ impl RunFolder {
 
     /// Lists the checksums of everything in the `parts` (files or folders of the run) in
     /// `SHA256SUMS`, which marks the run as finished.
-    pub fn finish(self, parts: &[&str]) -> Result<PathBuf, Error> {
+    pub fn finish(&self, parts: &[&str]) -> Result<PathBuf, Error> {
         let mut files = Vec::new();
         for part in parts {
             collect(&self.path, Path::new(part), &mut files)?;
@@ -87,8 +118,22 @@ impl RunFolder {
             sums.push_str(&format!("{}  {name}\n", hash_file(&self.path.join(&file))?));
         }
         write(&self.path.join(SUMS), sums.as_bytes())?;
-        Ok(self.path)
+        Ok(self.path.clone())
     }
+}
+
+/// Locks `file`; `false` if another process holds it. Who only looks whether it is held does so for an instant, and
+/// is waited for.
+fn lock_patiently(file: &File, path: &Path) -> Result<bool, Error> {
+    for attempt in 0..LOCK_ATTEMPTS {
+        match file.try_lock() {
+            Ok(()) => return Ok(true),
+            Err(TryLockError::WouldBlock) if attempt + 1 < LOCK_ATTEMPTS => std::thread::sleep(LOCK_PAUSE),
+            Err(TryLockError::WouldBlock) => {}
+            Err(TryLockError::Error(e)) => return Err(Error::io("lock", path, e)),
+        }
+    }
+    Ok(false)
 }
 
 /// What a killed process left half-written; only the holder of the lock may look.
@@ -139,6 +184,8 @@ fn collect(root: &Path, part: &Path, files: &mut Vec<PathBuf>) -> Result<(), Err
 
 #[cfg(test)]
 mod tests {
+    use std::sync::atomic::{AtomicBool, Ordering};
+
     use super::*;
     use crate::store::hash_bytes;
 
@@ -154,6 +201,28 @@ mod tests {
         drop(run);
         let Opened::Unfinished(run) = open(results.path(), false) else { panic!() };
         assert!(!run.join("tables/.partial-Xy1").exists());
+    }
+
+    #[test]
+    fn who_looks_whether_a_run_is_busy_does_not_turn_its_process_away() {
+        let results = tempfile::tempdir().unwrap();
+        let Opened::Unfinished(run) = open(results.path(), false) else { panic!() };
+        let path = run.path().to_owned();
+        assert!(RunFolder::is_busy(&path).unwrap() && RunFolder::hold(&path).unwrap().is_none());
+        drop(run);
+        let looking = AtomicBool::new(true);
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                while looking.load(Ordering::Relaxed) {
+                    RunFolder::is_busy(&path).unwrap();
+                }
+            });
+            for _ in 0..200 {
+                assert!(matches!(open(results.path(), false), Opened::Unfinished(_)));
+            }
+            looking.store(false, Ordering::Relaxed);
+        });
+        assert!(!RunFolder::is_busy(&path).unwrap());
     }
 
     #[test]

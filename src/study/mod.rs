@@ -15,6 +15,7 @@ mod networks;
 mod outputs;
 mod plan;
 mod pretrain;
+mod seeds;
 mod stages;
 mod suite;
 mod trainings;
@@ -25,19 +26,25 @@ mod weights;
 pub use error::Error;
 pub use outputs::summary;
 pub use plan::plan;
+pub use seeds::{run_seeds, summary_over_seeds};
 pub use suite::run_suite;
 pub use verify::{Choice, RunDifference, Verified, verify};
 pub use weights::{install_weights, list_weights};
 
 use std::path::{Path, PathBuf};
 
+use serde_json::json;
+
 use crate::config::LoadedExperiment;
 use crate::config::spec::{Experiment, Kind};
+use crate::error::{Class, Classify};
 use crate::kernel;
 use crate::pipeline::events::Events;
 use crate::pipeline::progress::Progress;
+use crate::pipeline::recorded::Recorded;
 use crate::provenance::Provenance;
 use crate::store::{self, Opened, RunFolder, write_json};
+use crate::tables::artefacts::TrialArtefact;
 
 use inputs::Inputs;
 use stages::{Stages, TrainingWork, Views};
@@ -105,29 +112,54 @@ fn execute(
 ) -> Result<PathBuf, Error> {
     let spec = &experiment.spec;
     let events = Events::open(&folder.join("events.jsonl"))?;
-    events.tell("run_started", &serde_json::json!({ "run": folder.path() }))?;
-    describe_run(experiment, options, &folder)?;
-
-    let stages = Stages::new(spec, options, &events, progress);
-    let views = stages.views()?;
-    let exact = match spec.kind {
-        Kind::Pretraining => pretrain::execute(spec, options, &folder, &stages, &views)?,
-        _ => study(spec, options, &folder, &stages, &views)?,
-    };
-    outputs::write_durations(&folder)?;
-    events.tell("run_finished", &serde_json::json!({ "run": folder.path() }))?;
-    store::remove_dir(&folder.join("checkpoints"))?;
-    Ok(folder.finish(exact)?)
+    let begun = json!({ "run": folder.path(), "kind": spec.kind, "trials": wanted(spec) });
+    events.tell("run_started", &begun)?;
+    let executed = execute_stages(experiment, options, &folder, &events, progress);
+    executed.and_then(|exact| Ok(folder.finish(exact)?)).inspect_err(|error| {
+        let ended = json!({ "interrupted": error.class() == Class::Interrupted, "error": error.to_string() });
+        // Why the run ended is worth more than why that could not be written down.
+        let _ = events.tell("run_ended", &ended);
+    })
 }
 
-/// Search, refits, evaluation and output of an experiment; what of it is equal between reruns.
+/// Trials that the run of `spec` is to have.
+fn wanted(spec: &Experiment) -> u32 {
+    if spec.kind == Kind::Pretraining { 0 } else { spec.search.trials }
+}
+
+/// Everything but the checksums; what of the run is equal between reruns.
+fn execute_stages(
+    experiment: &LoadedExperiment,
+    options: &Options,
+    folder: &RunFolder,
+    events: &Events,
+    progress: &dyn Progress,
+) -> Result<&'static [&'static str], Error> {
+    let spec = &experiment.spec;
+    describe_run(experiment, options, folder)?;
+    let progress = Recorded::new(progress, events);
+    let stages = Stages::new(spec, options, events, &progress);
+    let views = stages.views()?;
+    let (exact, trials) = match spec.kind {
+        Kind::Pretraining => (pretrain::execute(spec, options, folder, &stages, &views)?, Vec::new()),
+        _ => (&EXACT[..], study(spec, options, folder, &stages, &views)?),
+    };
+    outputs::write_durations(folder)?;
+    let finished = json!({ "run": folder.path(), "trials": outputs::count(&trials, wanted(spec)),
+        "best": outputs::best(&trials) });
+    events.tell("run_finished", &finished)?;
+    store::remove_dir(&folder.join("checkpoints"))?;
+    Ok(exact)
+}
+
+/// Search, refits, evaluation and output of an experiment; its trials.
 fn study(
     spec: &Experiment,
     options: &Options,
     folder: &RunFolder,
     stages: &Stages,
     Views { catalogue, dataset, spectra }: &Views,
-) -> Result<&'static [&'static str], Error> {
+) -> Result<Vec<TrialArtefact>, Error> {
     let views = dataset.value.views();
     let image = |row| stages.network_input(&dataset.value, row);
     let inputs = Inputs::make(spec, options, stages, dataset)?;
@@ -156,7 +188,7 @@ fn study(
         outputs::write(folder)
     })?;
     inference::measure(folder, &training, views, &image)?;
-    Ok(&EXACT)
+    Ok(searched.trials)
 }
 
 fn describe_run(experiment: &LoadedExperiment, options: &Options, folder: &RunFolder) -> Result<(), Error> {

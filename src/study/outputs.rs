@@ -3,14 +3,15 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use super::Error;
 use crate::config::spec::Selection;
 use crate::figures;
 use crate::report::{self, TableView};
+use crate::search::TrialState;
 use crate::store::{self, RunFolder, write_json};
-use crate::tables::artefacts::RunArtefacts;
+use crate::tables::artefacts::{RunArtefacts, TrialArtefact};
 use crate::tables::{self, Cell, Table};
 
 /// Writes `tables/`, `figures/` and `report.html` from the run's artefacts.
@@ -67,4 +68,19 @@ pub(super) fn write_durations(folder: &RunFolder) -> Result<(), Error> {
         }
     }
     Ok(write_json(&folder.join("measured/durations.json"), &seconds)?)
+}
+
+/// How many trials of each state there are, and are wanted, for the run's log.
+pub(super) fn count(trials: &[TrialArtefact], wanted: u32) -> Value {
+    let of = |state| trials.iter().filter(|t| t.state == state).count();
+    json!({ "wanted": wanted, "complete": of(TrialState::Complete), "pruned": of(TrialState::Pruned),
+        "failed": of(TrialState::Fail), "running": 0 })
+}
+
+/// The best trial and its value, for the run's log.
+pub(super) fn best(trials: &[TrialArtefact]) -> Value {
+    let complete = trials.iter().filter(|t| t.state == TrialState::Complete);
+    let valued = complete.filter_map(|t| Some((t.number, t.value?)));
+    let best = valued.reduce(|best, trial| if trial.1 < best.1 { trial } else { best });
+    best.map_or(Value::Null, |(trial, value)| json!({ "trial": trial, "value": value }))
 }

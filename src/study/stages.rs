@@ -1,8 +1,8 @@
 //! The stages whose results runs share: panoramas, dataset, features, spectra.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 use rayon::prelude::*;
@@ -124,14 +124,18 @@ impl<'a> Stages<'a> {
         units: f64,
         work: impl FnOnce() -> Result<T, Error>,
     ) -> Result<T, Error> {
-        self.events.tell("stage_started", &json!({ "stage": stage }))?;
+        let estimate = self.rates().estimate(rate, units, f64::NAN).0;
+        self.events.tell("stage_started", &json!({ "stage": stage, "estimate": estimate }))?;
         let begun = Instant::now();
         let result = work()?;
         let seconds = begun.elapsed().as_secs_f64();
         self.events.tell("stage_finished", &json!({ "stage": stage, "seconds": seconds, "units": units }))?;
-        let mut rates = self.rates.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-        rates.note(rate, units, seconds)?;
+        self.rates().note(rate, units, seconds)?;
         Ok(result)
+    }
+
+    fn rates(&self) -> MutexGuard<'_, Rates> {
+        self.rates.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn artefact(
@@ -141,6 +145,8 @@ impl<'a> Stages<'a> {
         units: f64,
         make: impl FnOnce(&ArtefactWriter) -> Result<(), Error>,
     ) -> Result<Artefact, Error> {
+        // Before the artefact is asked for: whoever clears the cache sees that this run needs it.
+        self.events.tell("stage_key", &json!({ "stage": stage, "key": key }))?;
         if self.options.fresh {
             self.cache.remove(stage, key)?;
         }

@@ -29,6 +29,9 @@ pub fn run_suite(suite: &LoadedSuite, options: &Options, progress: &dyn Progress
     for member in &suite.experiments {
         progress.note(&format!("experiment {}", member.spec.name));
         runs.push(run(member, options, progress)?.folder);
+        // so far: whoever removes runs sees that the suite needs them
+        let names: Vec<String> = runs.iter().map(|r| relative(r, options)).collect();
+        write_json(&folder.join("runs.json"), &names)?;
     }
     let artefacts = runs.iter().map(|r| RunArtefacts::read(r)).collect::<Result<Vec<_>, _>>()?;
     tables::write(&folder.join("tables"), &tables::suite_tables(&artefacts)?)?;
@@ -37,8 +40,6 @@ pub fn run_suite(suite: &LoadedSuite, options: &Options, progress: &dyn Progress
         let measured = runs.iter().zip(artefacts).map(|(r, run)| measured(r, run)).collect::<Result<Vec<_>, _>>()?;
         tables::write(&folder.join("measured"), &[tables::by_kind(&measured)])?;
     }
-    let names: Vec<String> = runs.iter().map(|r| relative(r, options)).collect();
-    write_json(&folder.join("runs.json"), &names)?;
     Ok(Finished { folder: folder.finish(&["tables", "runs.json"])?, already: false })
 }
 

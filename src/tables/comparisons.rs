@@ -51,8 +51,8 @@ fn control_row(run: &RunArtefacts, c: &Comparison) -> Vec<Cell> {
     });
     vec![
         Cell::text(quantity_name(c.quantity)),
-        Cell::text(arm_name(run, c.arm)),
-        Cell::text(arm_name(run, c.against)),
+        Cell::text(arm_name(run.experiment.kind, c.arm)),
+        Cell::text(arm_name(run.experiment.kind, c.against)),
         Cell::number(c.value, decimals),
         Cell::number(c.reference, decimals),
         Cell::Estimate { value: c.difference, spread: None, interval, decimals },
@@ -105,7 +105,7 @@ fn metric_key(metric: Metric) -> &'static str {
 
 fn summary_row(run: &RunArtefacts, subset: Subset, quantity: Quantity, arm: Arm) -> Option<Vec<Cell>> {
     row(run, subset, arm, quantity, Metric::Mae)?;
-    let name = [subset_name(subset), quantity_name(quantity), arm_name(run, arm)].map(Cell::text);
+    let name = [subset_name(subset), quantity_name(quantity), arm_name(run.experiment.kind, arm)].map(Cell::text);
     let values = Metric::ALL.map(|metric| estimate(run, subset, arm, quantity, metric));
     Some([name.to_vec(), values.to_vec()].concat())
 }
@@ -125,7 +125,7 @@ fn objective_rows(run: &RunArtefacts) -> Vec<Vec<Cell>> {
         for arm in Arm::ALL {
             let mae = |quantity| row(run, subset, arm, quantity, Metric::Mae).map(|row| row.value);
             if let (Some(f), Some(xi)) = (mae(Quantity::FocalPx), mae(Quantity::Xi)) {
-                rows.push(line(subset, arm_name(run, arm), objective(f, xi)));
+                rows.push(line(subset, arm_name(run.experiment.kind, arm), objective(f, xi)));
             }
         }
     }

@@ -3,17 +3,19 @@
 use super::artefacts::RunArtefacts;
 use super::model::{Cell, Column, FLAG, Table};
 use super::published::{BackboneErrors, Published, Reductions};
-use super::values::{arm_name, backbone_name, decimals, estimate, metric_name, population, row, unit_note};
+use super::values::{arm_name, backbone_name, decimals, estimate, metric_name, population, reduction, row, unit_note};
 use crate::config::spec::Architecture;
 use crate::dataset::Subset;
 use crate::evaluate::{Arm, Metric, Quantity};
 
-const BACKBONES: [(Architecture, &str); 3] = [
+/// Architectures in the order of Tables 2 and 3, with their names in the published values.
+pub(super) const BACKBONES: [(Architecture, &str); 3] = [
     (Architecture::InceptionV3, "inception_v3"),
     (Architecture::MobilenetV1, "mobilenet"),
     (Architecture::Resnet50, "resnet50"),
 ];
-const SHOWN: [Metric; 4] = [Metric::Mae, Metric::Sde, Metric::Max, Metric::Min];
+/// Statistics of Tables 2 and 3.
+pub(super) const SHOWN: [Metric; 4] = [Metric::Mae, Metric::Sde, Metric::Max, Metric::Min];
 
 /// Tables 2 (ξ) and 3 (f) over the given runs.
 pub(super) fn by_backbone(runs: &[&RunArtefacts], published: Option<&Published>) -> Vec<Table> {
@@ -95,7 +97,7 @@ fn control_rows(quantity: Quantity, runs: &[&RunArtefacts]) -> Vec<Vec<Cell>> {
     let mut rows: Vec<Vec<Cell>> = Vec::new();
     for arm in [Arm::PredictMean, Arm::SpectrumControl] {
         for run in runs {
-            let row = measured_row(Cell::text(arm_name(run, arm)), run, runs, arm, quantity);
+            let row = measured_row(Cell::text(arm_name(run.experiment.kind, arm)), run, runs, arm, quantity);
             if !rows.iter().any(|shown| shown[0] == row[0] && shown[2..] == row[2..]) {
                 rows.push(row);
             }
@@ -139,7 +141,7 @@ pub(super) fn with_and_without(run: &RunArtefacts, quantity: Quantity, published
     }
     for arm in [Arm::PredictMean, Arm::SpectrumControl] {
         for metric in [Metric::Mae, Metric::Mse, Metric::MeanError, Metric::Sde] {
-            rows.push(reduction_row(run, quantity, metric, arm, arm_name(run, arm)));
+            rows.push(reduction_row(run, quantity, metric, arm, arm_name(run.experiment.kind, arm)));
         }
     }
     Table {
@@ -159,12 +161,7 @@ pub(super) fn with_and_without(run: &RunArtefacts, quantity: Quantity, published
 }
 
 fn printed_reduction(printed: &Reductions, metric: Metric, quantity: Quantity) -> Vec<Cell> {
-    let [without, with, reduction] = match metric {
-        Metric::Mae => printed.mae,
-        Metric::Mse => printed.mse,
-        Metric::MeanError => printed.mean_error,
-        _ => printed.sde,
-    };
+    let [without, with, reduction] = printed.of(metric);
     let decimals = decimals(quantity);
     vec![
         Cell::text(metric_name(metric)),
@@ -178,15 +175,13 @@ fn printed_reduction(printed: &Reductions, metric: Metric, quantity: Quantity) -
 /// `against` beside the tuned arm, and by how much the tuned arm's statistic is smaller.
 fn reduction_row(run: &RunArtefacts, quantity: Quantity, metric: Metric, against: Arm, source: &str) -> Vec<Cell> {
     let of = |arm| estimate(run, Subset::Test, arm, quantity, metric);
-    let compared = run.comparisons.iter().find(|c| {
-        c.subset == Subset::Test && (c.arm, c.against, c.quantity, c.metric) == (Arm::Tuned, against, quantity, metric)
-    });
-    let reduction =
-        compared.and_then(|c| Some((c.reduction?, c.n_panoramas))).map_or(Cell::Missing, |(r, panoramas)| {
-            let interval = (panoramas > 1).then_some((r.ci_low, r.ci_high));
-            Cell::Estimate { value: r.percent, spread: None, interval, decimals: 2 }
-        });
-    vec![Cell::text(metric_name(metric)), Cell::text(source), of(against), of(Arm::Tuned), reduction]
+    vec![
+        Cell::text(metric_name(metric)),
+        Cell::text(source),
+        of(against),
+        of(Arm::Tuned),
+        reduction(run, quantity, metric, against),
+    ]
 }
 
 fn reduction_notes(run: &RunArtefacts, quantity: Quantity, published: bool) -> Vec<String> {

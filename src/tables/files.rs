@@ -99,7 +99,11 @@ fn text(cell: &Cell) -> Option<String> {
     }
 }
 
-fn csv(table: &Table) -> Result<Vec<u8>, WriteError> {
+/// The table as comma-separated values, numbers unrounded; an estimate has columns for its spread and its interval.
+///
+/// # Errors
+/// A table that the format cannot hold; a bug.
+pub fn csv(table: &Table) -> Result<Vec<u8>, WriteError> {
     let failed = |reason: String| WriteError::Format { table: table.id.clone(), format: "CSV", reason };
     let columns = file_columns(table);
     let mut writer = csv::Writer::from_writer(Vec::new());

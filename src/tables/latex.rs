@@ -1,23 +1,195 @@
 //! Tables as LaTeX with booktabs.
 
-use super::model::{Cell, FLAG, Kind, Table};
+use std::ops::Range;
 
-/// A `table` float that needs `booktabs` and nothing else, and compiles with pdfLaTeX.
+use super::model::{Cell, Column, FLAG, Kind, Table};
+
+/// Width of the page that tables fit into: a little less than the text width of LaTeX's
+/// `article` at 10 pt, in pt.
+const LINE: f64 = 322.0;
+
+/// Height of the page that a float fits into, likewise.
+const PAGE: f64 = 500.0;
+
+/// A font size, in pt.
+#[derive(Clone, Copy)]
+struct Font {
+    name: &'static str,
+    /// Mean width of its characters.
+    character: f64,
+    /// Distance of its lines.
+    line: f64,
+    /// Half the distance of columns.
+    gap: f64,
+}
+
+const FONTS: [Font; 3] = [
+    Font { name: "\\footnotesize", character: 4.3, line: 9.5, gap: 3.0 },
+    Font { name: "\\scriptsize", character: 3.8, line: 8.0, gap: 3.0 },
+    Font { name: "\\tiny", character: 3.1, line: 6.0, gap: 2.0 },
+];
+
+/// Text columns are broken into lines rather than split off, down to so many characters.
+const NARROWEST: usize = 14;
+
+/// One `table` float or several that need `booktabs` and nothing else, compile with pdfLaTeX, and fit onto a page of the
+/// class `article`: intervals stand below their values, long texts are broken, and what is still too wide or too high is
+/// continued in a further float with the leading text columns again.
 ///
 /// Characters that pdfLaTeX has no glyph for are written as their code points.
 pub fn latex(table: &Table) -> String {
-    let align: String = table.columns.iter().map(|column| if column.kind == Kind::Text { 'l' } else { 'r' }).collect();
-    let size = if widest_row(table) > 90 { "\\scriptsize" } else { "\\footnotesize" };
-    let mut text = format!("\\begin{{table}}[tb]\n\\centering{size}\\setlength{{\\tabcolsep}}{{3pt}}\n");
-    text.push_str(&format!("\\caption{{{}.}}\n\\label{{tab:{}}}\n", escape(&table.title), label(&table.id)));
-    text.push_str(&format!("\\begin{{tabular}}{{{align}}}\n\\toprule\n"));
-    text.push_str(&line(table.columns.iter().map(|column| escape(&column.title))));
+    let floats: Vec<(Part, Range<usize>)> = parts(table)
+        .into_iter()
+        .flat_map(|part| pages(table, &part).into_iter().map(move |rows| (part.clone(), rows)).collect::<Vec<_>>())
+        .collect();
+    let count = floats.len();
+    let float = |(i, (part, rows)): (usize, &(Part, Range<usize>))| {
+        float(table, part, rows.clone(), i > 0, if i + 1 == count { &table.notes } else { &[] })
+    };
+    floats.iter().enumerate().map(float).collect::<Vec<_>>().join("\n")
+}
+
+/// The rows of each page.
+fn pages(table: &Table, part: &Part) -> Vec<Range<usize>> {
+    let Font { character, line, .. } = part.font;
+    let note = |note: &String| (note.chars().count() as f64 * character / LINE).ceil() * line + 3.0;
+    let most = PAGE - table.notes.iter().map(note).sum::<f64>();
+    let mut pages: Vec<Range<usize>> = Vec::new();
+    let mut used = 0.0;
+    for (i, row) in table.rows.iter().enumerate() {
+        let height = part.lines(row) as f64 * line;
+        used += height;
+        match pages.last_mut() {
+            Some(page) if used <= most => page.end = i + 1,
+            _ => {
+                pages.push(i..i + 1);
+                used = height;
+            }
+        }
+    }
+    if pages.is_empty() {
+        pages.push(0..0);
+    }
+    pages
+}
+
+/// Columns that stand beside each other.
+#[derive(Clone)]
+struct Part {
+    columns: Vec<usize>,
+    /// Characters of each of them.
+    widths: Vec<usize>,
+    font: Font,
+}
+
+impl Part {
+    /// Its width in pt with a font.
+    fn width(&self, font: Font) -> f64 {
+        self.widths.iter().map(|width| *width as f64 * font.character + 2.0 * font.gap).sum()
+    }
+
+    /// Lines that a row takes.
+    fn lines(&self, row: &[Cell]) -> usize {
+        let cells = self.columns.iter().zip(&self.widths).map(|(k, width)| {
+            let (value, interval) = row[*k].parts();
+            // broken between words, lines are not full
+            let full = width.saturating_sub(3).max(1);
+            let lines = if value.chars().count() <= *width { 1 } else { value.chars().count().div_ceil(full) };
+            (lines, interval.is_some())
+        });
+        let (lines, intervals): (Vec<usize>, Vec<bool>) = cells.unzip();
+        lines.into_iter().max().unwrap_or(1) + usize::from(intervals.contains(&true))
+    }
+}
+
+fn parts(table: &Table) -> Vec<Part> {
+    let all = (0..table.columns.len()).collect::<Vec<_>>();
+    let part = |columns: Vec<usize>| {
+        let widths = columns.iter().map(|k| column_width(table, *k)).collect();
+        Part { columns, widths, font: FONTS[0] }
+    };
+    let whole = part(all.clone());
+    if let Some(fitting) = fitted(table, whole) {
+        return vec![fitting];
+    }
+    let leading = all.iter().take_while(|k| table.columns[**k].kind == Kind::Text).count();
+    let (names, values) = all.split_at(leading);
+    let mut parts = Vec::new();
+    let mut rest = values;
+    while !rest.is_empty() {
+        let with = |n: usize| part([names, &rest[..n]].concat());
+        let most = (1..=rest.len()).rev().find_map(|n| Some((n, fitted(table, with(n))?)));
+        // a single column that does not fit is written as it is
+        let (n, fitting) = most.unwrap_or_else(|| (1, with(1)));
+        parts.push(fitting);
+        rest = &rest[n..];
+    }
+    parts
+}
+
+/// The part in the largest font in which it fits, its longest texts broken if need be.
+fn fitted(table: &Table, mut part: Part) -> Option<Part> {
+    if let Some(font) = FONTS[..2].iter().find(|font| part.width(**font) <= LINE) {
+        part.font = *font;
+        return Some(part);
+    }
+    for font in &FONTS[1..] {
+        part.font = *font;
+        let mut broken = Part { widths: part.widths.clone(), columns: part.columns.clone(), font: *font };
+        while broken.width(*font) > LINE {
+            let texts = broken.columns.iter().enumerate().filter(|(_, k)| table.columns[**k].kind == Kind::Text);
+            let longest =
+                texts.map(|(i, _)| i).max_by_key(|i| broken.widths[*i]).filter(|i| broken.widths[*i] > NARROWEST);
+            let Some(longest) = longest else { break };
+            broken.widths[longest] -= 1;
+        }
+        if broken.width(*font) <= LINE {
+            return Some(broken);
+        }
+    }
+    None
+}
+
+/// Characters of a column: of its cells, or of its heading broken between words.
+fn column_width(table: &Table, k: usize) -> usize {
+    let cells = table.rows.iter().map(|row| {
+        let (value, interval) = row[k].parts();
+        value.chars().count().max(interval.map_or(0, |i| i.chars().count()))
+    });
+    let words = table.columns[k].title.split(' ').map(|word| word.chars().count());
+    cells.chain(words).max().unwrap_or(0)
+}
+
+fn float(table: &Table, part: &Part, rows: Range<usize>, continued: bool, notes: &[String]) -> String {
+    let Font { name: font, character, gap, .. } = part.font;
+    let align: Vec<String> = part
+        .columns
+        .iter()
+        .zip(&part.widths)
+        .map(|(k, width)| {
+            if table.columns[*k].kind != Kind::Text {
+                "r".to_owned()
+            } else if *width < column_width(table, *k) {
+                format!("p{{{:.1}pt}}", *width as f64 * character)
+            } else {
+                "l".to_owned()
+            }
+        })
+        .collect();
+    let mut text = format!("\\begin{{table}}[tbp]\n\\centering{font}\\setlength{{\\tabcolsep}}{{{gap}pt}}\n");
+    text.push_str(&format!("\\caption{{{}{}.}}\n", escape(&table.title), if continued { " (continued)" } else { "" }));
+    if !continued {
+        text.push_str(&format!("\\label{{tab:{}}}\n", label(&table.id)));
+    }
+    text.push_str(&format!("\\begin{{tabular}}{{{}}}\n\\toprule\n", align.concat()));
+    text.push_str(&line(part.columns.iter().zip(&part.widths).map(|(k, width)| heading(table, *k, *width))));
     text.push_str("\\midrule\n");
-    for row in &table.rows {
-        text.push_str(&line(row.iter().map(cell)));
+    for row in &table.rows[rows] {
+        let cells: Vec<&Cell> = part.columns.iter().map(|k| &row[*k]).collect();
+        text.push_str(&row_lines(&cells));
     }
     text.push_str("\\bottomrule\n\\end{tabular}\n");
-    for note in &table.notes {
+    for note in notes {
         text.push_str(&format!(
             "\\par\\smallskip\\begin{{minipage}}{{\\linewidth}}{}\\end{{minipage}}\n",
             escape(note)
@@ -27,10 +199,41 @@ pub fn latex(table: &Table) -> String {
     text
 }
 
-/// Characters of the widest row as it is shown.
-fn widest_row(table: &Table) -> usize {
-    let width = |row: &Vec<Cell>| row.iter().map(|cell| cell.shown().chars().count()).sum();
-    table.rows.iter().map(width).max().unwrap_or(0)
+/// A heading, broken between words into lines of `width` characters if it is of a column of numbers.
+fn heading(table: &Table, k: usize, width: usize) -> String {
+    let Column { title, kind, .. } = &table.columns[k];
+    if *kind == Kind::Text || title.chars().count() <= width {
+        return escape(title);
+    }
+    let mut lines: Vec<String> = Vec::new();
+    for word in title.split(' ') {
+        match lines.last_mut() {
+            Some(line) if line.chars().count() + 1 + word.chars().count() <= width => {
+                line.push(' ');
+                line.push_str(word);
+            }
+            _ => lines.push(word.to_owned()),
+        }
+    }
+    format!("\\shortstack[r]{{{}}}", lines.iter().map(|line| escape(line)).collect::<Vec<_>>().join("\\\\"))
+}
+
+/// A row: values, and below them their intervals, if there are any.
+fn row_lines(cells: &[&Cell]) -> String {
+    let parts: Vec<(String, Option<String>)> = cells.iter().map(|cell| cell.parts()).collect();
+    let number = |k: usize, text: &str| match cells[k] {
+        Cell::Number { .. } | Cell::Estimate { .. } => escape(text).replace('-', "$-$"),
+        _ => escape(text),
+    };
+    let mut lines = line(parts.iter().enumerate().map(|(k, (value, _))| number(k, value)));
+    if parts.iter().any(|(_, interval)| interval.is_some()) {
+        let intervals = parts
+            .iter()
+            .enumerate()
+            .map(|(k, (_, interval))| interval.as_ref().map(|interval| number(k, interval)).unwrap_or_default());
+        lines.push_str(&line(intervals));
+    }
+    lines
 }
 
 /// A row that begins with a bracket would be taken for an argument of the `\\` before it.
@@ -38,13 +241,6 @@ fn line(cells: impl Iterator<Item = String>) -> String {
     let line = cells.collect::<Vec<_>>().join(" & ");
     let guard = if line.starts_with(['[', '*']) { "{}" } else { "" };
     format!("{guard}{line} \\\\\n")
-}
-
-fn cell(cell: &Cell) -> String {
-    match cell {
-        Cell::Number { .. } | Cell::Estimate { .. } => escape(&cell.shown()).replace('-', "$-$"),
-        other => escape(&other.shown()),
-    }
 }
 
 fn label(id: &str) -> String {
@@ -129,8 +325,28 @@ mod tests {
         assert_eq!(body[2], "\\caption{A \\textbar{} B.}");
         assert_eq!(body[4], "\\begin{tabular}{lrr}");
         assert_eq!(body[6], "Name & Value \\& more & Number \\\\");
-        assert_eq!(body[8], "50 \\% of a\\_b & 1.50 $\\pm$ 0.10 [$-$1.00, 2.00] & 7\\textsuperscript{\\dag} \\\\");
-        assert_eq!(body[9], "$\\xi$ \\textbar{} \\{x\\} & not run & -- \\\\");
+        assert_eq!(body[8], "50 \\% of a\\_b & 1.50 $\\pm$ 0.10 & 7\\textsuperscript{\\dag} \\\\");
+        assert_eq!(body[9], " & [$-$1.00, 2.00] &  \\\\");
+        assert_eq!(body[10], "$\\xi$ \\textbar{} \\{x\\} & not run & -- \\\\");
         assert_eq!(line(["[a]".to_owned()].into_iter()), "{}[a] \\\\\n");
+    }
+
+    #[test]
+    fn what_is_too_wide_is_broken_and_then_continued() {
+        let text = "a rather long sentence that has to be broken somewhere, or else the table leaves the page";
+        let column = |k: usize| Column::number(&format!("n{k}"), "A number");
+        let table = |numbers: usize| Table {
+            columns: std::iter::once(Column::text("t", "Text")).chain((0..numbers).map(column)).collect(),
+            rows: vec![std::iter::once(Cell::text(text)).chain((0..numbers).map(|_| Cell::number(1e6, 4))).collect()],
+            ..small_table()
+        };
+        let broken = latex(&table(3));
+        assert!(broken.contains("{p{") && broken.matches("\\begin{table}").count() == 1, "{broken}");
+        let continued = latex(&table(12));
+        assert_eq!(continued.matches("\\begin{table}").count(), 2);
+        assert_eq!(continued.matches("(continued)").count(), 1);
+        assert_eq!(continued.matches("a rather long").count(), 2);
+        assert_eq!(continued.matches("$1000000").count() + continued.matches("1000000.0000").count(), 12);
+        assert_eq!(continued.matches("Units: px.").count(), 1);
     }
 }

@@ -1,6 +1,8 @@
 //! Tables 1 to 7 as Markdown, LaTeX, CSV and Parquet. Reads artefacts; computes no metric.
 
 pub mod artefacts;
+mod audit;
+mod beside;
 mod comparisons;
 mod errors;
 mod files;
@@ -14,12 +16,14 @@ mod networks;
 mod plain;
 mod predictions;
 pub mod published;
+mod seeds;
 mod values;
 
 #[cfg(test)]
 mod fixture;
 
-pub use files::{WriteError, write};
+pub use audit::audit;
+pub use files::{WriteError, csv, write};
 pub use gallery::write_gallery;
 pub use latex::latex;
 pub use layout::{
@@ -29,7 +33,9 @@ pub use layout::{
 pub use markdown::markdown;
 pub use model::{Cell, Column, Kind, Table};
 pub use networks::{MeasuredRun, by_kind};
-pub use plain::plain;
+pub(crate) use plain::wrapped;
+pub use plain::{plain, plain_within};
+pub use seeds::over_seeds;
 
 use artefacts::RunArtefacts;
 use published::Published;
@@ -37,7 +43,7 @@ use published::Published;
 use crate::config::spec::{self, CompareWith};
 use crate::evaluate::Quantity;
 
-/// All tables of a run: Tables 1 to 7, then `controls` and `summary`.
+/// All tables of a run: Tables 1 to 7, then `published` (if it is compared with the paper), `controls` and `summary`.
 ///
 /// # Errors
 /// [`published::Error`], if the embedded published values do not parse; a bug.
@@ -50,6 +56,7 @@ pub fn tables(run: &RunArtefacts) -> Result<Vec<Table>, published::Error> {
         tables.push(predictions::table(run, quantity, published));
         tables.push(errors::with_and_without(run, quantity, published));
     }
+    tables.extend(published.map(|published| beside::table(run, published)));
     tables.push(comparisons::controls(run, &Quantity::ALL));
     tables.push(comparisons::summary(run));
     Ok(tables)

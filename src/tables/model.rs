@@ -93,13 +93,20 @@ impl Cell {
             Cell::Number { value, decimals, flagged } => {
                 format!("{}{}", rounded(*value, *decimals), if *flagged { FLAG } else { "" })
             }
-            Cell::Estimate { value, spread, interval, decimals } => {
-                let number = |x: f64| rounded(x, *decimals);
-                let spread = spread.map(|s| format!(" ± {}", number(s))).unwrap_or_default();
-                let interval = interval.map(|(l, h)| format!(" [{}, {}]", number(l), number(h))).unwrap_or_default();
-                format!("{}{spread}{interval}", number(*value))
+            Cell::Estimate { .. } => {
+                let (value, interval) = self.parts();
+                interval.map_or_else(|| value.clone(), |interval| format!("{value} {interval}"))
             }
         }
+    }
+
+    /// What is [`shown`](Cell::shown), an estimate's interval apart.
+    pub(super) fn parts(&self) -> (String, Option<String>) {
+        let Cell::Estimate { value, spread, interval, decimals } = self else { return (self.shown(), None) };
+        let number = |x: f64| rounded(x, *decimals);
+        let spread = spread.map(|s| format!(" ± {}", number(s))).unwrap_or_default();
+        let interval = interval.map(|(low, high)| format!("[{}, {}]", number(low), number(high)));
+        (format!("{}{spread}", number(*value)), interval)
     }
 }
 

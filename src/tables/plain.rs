@@ -2,8 +2,14 @@
 
 use super::model::{Kind, Table};
 
-/// The table with aligned columns, two spaces apart; ends with a line break.
+/// The table with aligned columns, two spaces apart, and notes up to 100 characters wide; ends with a line break.
 pub fn plain(table: &Table) -> String {
+    plain_within(table, 100)
+}
+
+/// The same with notes up to `width` characters wide; rows are as wide as they are.
+pub fn plain_within(table: &Table, width: usize) -> String {
+    let limit = width;
     let titles: Vec<String> = table.columns.iter().map(|column| column.title.clone()).collect();
     let rows: Vec<Vec<String>> = table.rows.iter().map(|row| row.iter().map(|cell| cell.shown()).collect()).collect();
     let width = |k: usize| {
@@ -18,7 +24,7 @@ pub fn plain(table: &Table) -> String {
         text.push_str(&line(table, row, &widths));
     }
     for note in &table.notes {
-        text.push_str(&wrapped(note, 100));
+        text.push_str(&wrapped(note, limit));
     }
     text
 }
@@ -34,8 +40,8 @@ fn line(table: &Table, cells: &[String], widths: &[usize]) -> String {
     format!("{}\n", padded.collect::<Vec<_>>().join("  ").trim_end())
 }
 
-/// `note` broken between words, indented by two spaces.
-fn wrapped(note: &str, width: usize) -> String {
+/// `note` broken between words, indented by two spaces; ends with a line break.
+pub(crate) fn wrapped(note: &str, width: usize) -> String {
     let mut text = String::from(" ");
     let mut used = 1;
     for word in note.split_whitespace() {

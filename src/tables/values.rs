@@ -30,6 +30,17 @@ pub(super) fn estimate(run: &RunArtefacts, subset: Subset, arm: Arm, q: Quantity
     }
 }
 
+/// By how much, in percent, the tuned arm's statistic is smaller than that of `against`.
+pub(super) fn reduction(run: &RunArtefacts, quantity: Quantity, metric: Metric, against: Arm) -> Cell {
+    let compared = run.comparisons.iter().find(|c| {
+        c.subset == Subset::Test && (c.arm, c.against, c.quantity, c.metric) == (Arm::Tuned, against, quantity, metric)
+    });
+    compared.and_then(|c| Some((c.reduction?, c.n_panoramas))).map_or(Cell::Missing, |(r, panoramas)| {
+        let interval = (panoramas > 1).then_some((r.ci_low, r.ci_high));
+        Cell::Estimate { value: r.percent, spread: None, interval, decimals: 2 }
+    })
+}
+
 /// Decimals shown of a quantity, as the paper shows them.
 pub(super) fn decimals(quantity: Quantity) -> usize {
     match quantity {
@@ -59,10 +70,10 @@ pub(super) fn metric_name(metric: Metric) -> &'static str {
     }
 }
 
-pub(super) fn arm_name(run: &RunArtefacts, arm: Arm) -> &'static str {
+pub(super) fn arm_name(kind: Kind, arm: Arm) -> &'static str {
     match arm {
         Arm::Baseline => "without Optuna",
-        Arm::Tuned if run.experiment.kind == Kind::Pretraining => "trained network",
+        Arm::Tuned if kind == Kind::Pretraining => "trained network",
         Arm::Tuned => "with Optuna",
         Arm::PredictMean => "predict the mean",
         Arm::SpectrumControl => "spectrum control",

@@ -19,7 +19,7 @@ mod parts;
 mod schedule;
 mod tuning;
 
-pub use chain::{Chain, Difference, Exactness, Steps, What};
+pub use chain::{Chain, Difference, Exactness, Parting, Steps, What};
 pub use data::TrainingData;
 pub use fit::{Observer, Stopped, Trained, Verdict};
 pub use head::{Fitted, Job, fit};

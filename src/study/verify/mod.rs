@@ -16,7 +16,7 @@ use crate::pipeline::events::Events;
 use crate::pipeline::progress::Progress;
 use crate::provenance::Provenance;
 use crate::rng::stream;
-use crate::store;
+use crate::store::{self, PRESENCE, Presence, SCRATCH};
 use crate::train::Exactness;
 use record::Record;
 
@@ -93,8 +93,10 @@ fn in_scratch(
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<Option<RunDifference>, Error> {
-    let cache = options.cache.join(format!(".verify-{}", std::process::id()));
+    let cache = options.cache.join(format!("{SCRATCH}{}", std::process::id()));
+    let presence = Presence::show(&cache.join(PRESENCE))?;
     let found = compare(record, chosen, &Options { cache: cache.clone(), fresh: false, ..options.clone() }, progress);
+    drop(presence);
     store::remove_dir(&cache)?;
     found
 }

@@ -17,9 +17,11 @@
 //! of an f64. A line has the same bytes wherever and however often the training was interrupted.
 
 mod difference;
+mod parting;
 mod recorder;
 
 pub use difference::{Difference, Exactness, What};
+pub use parting::Parting;
 pub(super) use recorder::{ChainPosition, Recorder};
 
 use std::fmt;

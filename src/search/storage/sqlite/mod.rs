@@ -7,6 +7,7 @@ mod exclusive;
 mod open;
 mod read;
 mod schema;
+mod snapshot;
 #[cfg(test)]
 mod tests;
 mod write;
@@ -34,6 +35,8 @@ pub struct SqliteStorage {
     connection: Connection,
     path: PathBuf,
     timeout: Duration,
+    /// The copy that `connection` reads, if it reads one; removed after `connection` is closed.
+    snapshot: Option<snapshot::Snapshot>,
 }
 
 /// What went wrong inside, before the database's name is known.

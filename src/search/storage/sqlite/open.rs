@@ -4,11 +4,12 @@ use std::io::Read;
 use std::path::Path;
 use std::time::Duration;
 
-use rusqlite::{Connection, ErrorCode, OpenFlags};
+use rusqlite::{Connection, OpenFlags};
 
 use super::super::contract::Storage;
 use super::super::error::StorageError;
 use super::super::record::StoredStudy;
+use super::snapshot::Snapshot;
 use super::{Fault, SqliteStorage, TIMEOUT, schema};
 use crate::store;
 
@@ -32,19 +33,22 @@ impl SqliteStorage {
         Self::connect(path, timeout, || Connection::open_with_flags(path, flags))?.checked()
     }
 
-    /// Opens a database to read it; nothing is written beside it either where its folder may not be written.
+    /// Opens a database to read it, without any trace beside it and without any effect on those who use it.
+    ///
+    /// In write-ahead mode (as all of ours are) a reader in place would make files beside the database, and would keep
+    /// the last writer from putting its log away. So the database is copied with its log, and the copy is opened.
     pub fn open_read_only(path: &Path) -> Result<Self, StorageError> {
         check_beginning(path)?;
-        let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX;
-        let opened = Self::connect(path, TIMEOUT, || Connection::open_with_flags(path, flags))?;
-        match opened.connection.query_row("SELECT COUNT(*) FROM sqlite_master", [], |_| Ok(())) {
-            Err(e) if e.sqlite_error_code() == Some(ErrorCode::CannotOpen) && !has_log(path) => {
-                let immutable = flags | OpenFlags::SQLITE_OPEN_URI;
-                let name = format!("file:{}?immutable=1", escaped(path));
-                Self::connect(path, TIMEOUT, || Connection::open_with_flags(name, immutable))?.checked()
-            }
-            _ => opened.checked(),
+        if let Some(snapshot) = Snapshot::take(path)? {
+            let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_NO_MUTEX;
+            let mut opened = Self::connect(path, TIMEOUT, || Connection::open_with_flags(snapshot.path(), flags))?;
+            opened.snapshot = Some(snapshot);
+            let read_only = opened.connection.pragma_update(None, "query_only", true);
+            opened.named(read_only.map_err(Fault::from))?;
+            return opened.checked();
         }
+        let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX;
+        Self::connect(path, TIMEOUT, || Connection::open_with_flags(path, flags))?.checked()
     }
 
     /// Opens the database, or makes it if the file does not exist. Several processes may do so at once.
@@ -80,7 +84,7 @@ impl SqliteStorage {
     ) -> Result<Self, StorageError> {
         let ready = open().and_then(|c| c.busy_timeout(timeout).map(|()| c));
         let connection = ready.map_err(|e| Fault::from(e).named(path, timeout))?;
-        Ok(SqliteStorage { connection, path: path.to_owned(), timeout })
+        Ok(SqliteStorage { connection, path: path.to_owned(), timeout, snapshot: None })
     }
 
     fn checked(self) -> Result<Self, StorageError> {
@@ -103,16 +107,4 @@ fn check_beginning(path: &Path) -> Result<(), StorageError> {
     }
     let why = if beginning.is_empty() { "it is empty" } else { "it does not begin as an SQLite database does" };
     Err(StorageError::NotAStorage { path: path.to_owned(), why: why.into() })
-}
-
-/// Whether what was last written stands in a file beside the database.
-fn has_log(path: &Path) -> bool {
-    let mut name = path.as_os_str().to_owned();
-    name.push("-wal");
-    Path::new(&name).metadata().is_ok_and(|m| m.len() > 0)
-}
-
-/// A path as part of an address.
-fn escaped(path: &Path) -> String {
-    path.to_string_lossy().replace('%', "%25").replace('?', "%3f").replace('#', "%23")
 }
