@@ -69,3 +69,13 @@ pub(super) unsafe fn store<S: Simd>(value: S, to: &mut [f32], at: usize) {
         if lanes >= S::LANES { value.store(to) } else { value.store_first(to, lanes) }
     }
 }
+
+/// [`store`], or past the caches.
+///
+/// # Safety
+/// As for [`store`]; with `streamed`, the address is a multiple of a vector's size, and all lanes are inside the slice.
+#[inline(always)]
+pub(super) unsafe fn store_or_stream<S: Simd>(value: S, to: &mut [f32], at: usize, streamed: bool) {
+    // SAFETY: the caller vouches for it
+    unsafe { if streamed { value.stream(to.as_mut_ptr().add(at)) } else { store(value, to, at) } }
+}

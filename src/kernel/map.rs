@@ -72,7 +72,18 @@ pub struct ViewMut<'a> {
     pub(super) stride: usize,
 }
 
+/// Maps of this many floats or more, several times a second-level cache, are written past the caches: what stands in their
+/// lines is then not read first, and what is read soon is not driven out.
+const STREAMED: usize = 2 << 20;
+
 impl<'a> ViewMut<'a> {
+    /// Whether to write it past the caches: it is large, and vectors of any instruction set fill it without remainder.
+    pub(super) fn streamed(&self) -> bool {
+        let aligned = self.data.as_ptr().addr().is_multiple_of(64);
+        let whole = self.stride.is_multiple_of(16) && self.shape.channels.is_multiple_of(16);
+        self.shape.len() >= STREAMED && aligned && whole
+    }
+
     /// Maps of `shape` in `data`, pixels `stride` apart.
     ///
     /// # Panics

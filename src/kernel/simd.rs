@@ -137,6 +137,16 @@ pub fn prefetch_near(address: *const f32) {
     let _ = address;
 }
 
+/// Makes what this thread has streamed visible to others before anything that it writes later.
+#[inline(always)]
+pub(super) fn fence() {
+    #[cfg(target_arch = "x86_64")]
+    // SAFETY: every x86-64 processor has the instruction
+    unsafe {
+        std::arch::x86_64::_mm_sfence();
+    }
+}
+
 /// A vector of `LANES` floats.
 ///
 /// # Safety
@@ -153,6 +163,8 @@ pub(super) trait Simd: Copy {
     unsafe fn load_first(from: *const f32, n: usize) -> Self;
     /// Stores all lanes.
     unsafe fn store(self, to: *mut f32);
+    /// Stores all lanes past the caches; the address is a multiple of a vector's size. [`fence`] makes them seen.
+    unsafe fn stream(self, to: *mut f32);
     /// Stores the first `n` lanes.
     unsafe fn store_first(self, to: *mut f32, n: usize);
     /// `self`·`b` + `c` with one rounding.
@@ -210,6 +222,11 @@ impl Simd for Plain {
     unsafe fn store(self, to: *mut f32) {
         // SAFETY: the caller's pointer is valid for eight floats
         unsafe { to.cast::<[f32; 8]>().write_unaligned(self.0) }
+    }
+    #[inline(always)]
+    unsafe fn stream(self, to: *mut f32) {
+        // SAFETY: as for `store`
+        unsafe { self.store(to) }
     }
     #[inline(always)]
     unsafe fn store_first(self, to: *mut f32, n: usize) {
@@ -311,6 +328,10 @@ mod x86 {
             unsafe { _mm512_storeu_ps(to, self.0) }
         }
         #[inline(always)]
+        unsafe fn stream(self, to: *mut f32) {
+            unsafe { _mm512_stream_ps(to, self.0) }
+        }
+        #[inline(always)]
         unsafe fn store_first(self, to: *mut f32, n: usize) {
             unsafe { _mm512_mask_storeu_ps(to, low_bits(n), self.0) }
         }
@@ -385,6 +406,10 @@ mod x86 {
         #[inline(always)]
         unsafe fn store(self, to: *mut f32) {
             unsafe { _mm256_storeu_ps(to, self.0) }
+        }
+        #[inline(always)]
+        unsafe fn stream(self, to: *mut f32) {
+            unsafe { _mm256_stream_ps(to, self.0) }
         }
         #[inline(always)]
         unsafe fn store_first(self, to: *mut f32, n: usize) {

@@ -3,9 +3,9 @@
 use rayon::prelude::*;
 
 use super::Scratch;
-use crate::kernel::dispatch::{Work, dispatch, load, store};
+use crate::kernel::dispatch::{Work, dispatch, load, store, store_or_stream};
 use crate::kernel::map::{Shape, View, ViewMut};
-use crate::kernel::simd::{Isa, Simd, isa};
+use crate::kernel::simd::{Isa, Simd, fence, isa};
 
 /// Pixels whose sums are made in one go; a sum over all pixels adds up those of these chunks, in order and in f64.
 const CHUNK: usize = 128;
@@ -57,15 +57,38 @@ struct Moments<'a> {
 
 impl Work for Moments<'_> {
     #[inline(always)]
-    unsafe fn run<S: Simd>(self) {
-        let (sums, squares) = self.sums.split_at_mut(self.shift.len());
-        for p in self.first..self.first + self.pixels {
-            for (((z, shift), sum), square) in self.z.pixel(p).iter().zip(self.shift).zip(&mut *sums).zip(&mut *squares)
-            {
-                let distance = f64::from(*z) - f64::from(*shift);
-                *sum += distance;
-                *square += distance * distance;
+    unsafe fn run<S: Simd>(mut self) {
+        let mut first = self.first;
+        let end = self.first + self.pixels;
+        while first + TOGETHER <= end {
+            self.add_pixels(std::array::from_fn::<_, TOGETHER, _>(|i| self.z.pixel(first + i)));
+            first += TOGETHER;
+        }
+        for p in first..end {
+            self.add_pixels([self.z.pixel(p)]);
+        }
+    }
+}
+
+/// Pixels for which the sums of a channel are loaded and stored once.
+const TOGETHER: usize = 4;
+
+impl Moments<'_> {
+    #[inline(always)]
+    fn add_pixels<const N: usize>(&mut self, pixels: [&[f32]; N]) {
+        let channels = self.shift.len();
+        let (sums, squares) = self.sums.split_at_mut(channels);
+        let squares = &mut squares[..channels];
+        let pixels = pixels.map(|pixel| &pixel[..channels]);
+        for c in 0..channels {
+            let shift = f64::from(self.shift[c]);
+            let (mut sum, mut square) = (sums[c], squares[c]);
+            for pixel in pixels {
+                let distance = f64::from(pixel[c]) - shift;
+                sum += distance;
+                square += distance * distance;
             }
+            (sums[c], squares[c]) = (sum, square);
         }
     }
 }
@@ -94,11 +117,11 @@ impl Normalization<'_> {
         let shape = z.shape;
         let one_shape = y.shape == shape && add.is_none_or(|add| add.shape == shape);
         assert!(one_shape && self.scale.len() == shape.channels && self.shift.len() == shape.channels, "other shapes");
-        let stride = y.stride;
+        let (stride, streamed) = (y.stride, y.streamed());
         let chunks = shape.pixels().div_ceil(CHUNK);
         y.data.par_chunks_mut(CHUNK * stride.max(1)).take(chunks).enumerate().for_each(|(i, y)| {
             let pixels = CHUNK.min(shape.pixels() - i * CHUNK);
-            dispatch(isa, Apply { norm: *self, z, add, first: i * CHUNK, pixels, y, stride });
+            dispatch(isa, Apply { norm: *self, z, add, first: i * CHUNK, pixels, y, stride, streamed });
         });
     }
 }
@@ -111,6 +134,7 @@ struct Apply<'a> {
     pixels: usize,
     y: &'a mut [f32],
     stride: usize,
+    streamed: bool,
 }
 
 impl Work for Apply<'_> {
@@ -131,9 +155,12 @@ impl Work for Apply<'_> {
                     if let Some((low, high)) = bounds {
                         value = S::splat(high).min(S::splat(low).max(value));
                     }
-                    store(value, y, c);
+                    store_or_stream(value, y, c, self.streamed);
                 }
             }
+        }
+        if self.streamed {
+            fence();
         }
     }
 }
@@ -239,6 +266,7 @@ impl NormGradient<'_> {
     ) {
         let pixels = z.shape.pixels();
         let chunks = pixels.div_ceil(CHUNK);
+        let streamed = dz.streamed();
         let (stride, added_stride) = (dz.stride, by_added.as_ref().map_or(0, |(map, _)| map.stride));
         let accumulate = by_added.as_ref().is_some_and(|(_, accumulate)| *accumulate);
         let mut added: Vec<_> = match by_added {
@@ -249,7 +277,10 @@ impl NormGradient<'_> {
             let first = i * CHUNK;
             let added = added.as_deref_mut().map(|map| (map, added_stride, accumulate));
             let pixels = CHUNK.min(pixels - first);
-            dispatch(isa, WriteGradient { passing, z, mean: self.mean, factors, first, pixels, dz, stride, added });
+            dispatch(
+                isa,
+                WriteGradient { passing, z, mean: self.mean, factors, first, pixels, dz, stride, streamed, added },
+            );
         });
     }
 }
@@ -344,6 +375,7 @@ struct WriteGradient<'a> {
     pixels: usize,
     dz: &'a mut [f32],
     stride: usize,
+    streamed: bool,
     /// Gradient by what was added, its stride, and whether to add to it.
     added: Option<(&'a mut [f32], usize, bool)>,
 }
@@ -363,12 +395,15 @@ impl Work for WriteGradient<'_> {
                     let z = load::<S>(z, c);
                     let passing = self.passing.load(z, self.first + p, c);
                     let own = passing.fma(load(factor, c), load(constant, c));
-                    store(z.sub(load(self.mean, c)).fma(load(slope, c), own), dz, c);
+                    store_or_stream(z.sub(load(self.mean, c)).fma(load(slope, c), own), dz, c, self.streamed);
                     if let Some((map, add)) = &mut added {
                         store(if *add { load::<S>(map, c).add(passing) } else { passing }, map, c);
                     }
                 }
             }
+        }
+        if self.streamed {
+            fence();
         }
     }
 }

@@ -3,7 +3,7 @@ use proptest::prelude::*;
 use super::norm::{Passing, statistics_with};
 use super::testing::{Maps, on_pools, supported, values};
 use super::{Gate, NormGradient, Normalization, Scratch};
-use crate::kernel::{Isa, Shape};
+use crate::kernel::{Buffer, Isa, Shape, View, ViewMut};
 use crate::rng::stream;
 
 const EPSILON: f64 = 1e-3;
@@ -224,4 +224,38 @@ fn nothing_passes_at_a_bound() {
         &mut Scratch::default(),
     );
     assert_eq!((dz.data, dgamma, dbeta), (vec![0.0, 2.0, 0.0], [1.0], [1.0]));
+}
+
+/// Outputs and gradients of maps so large that they are written past the caches, or the same maps one float further on in
+/// memory, which are not.
+fn large(isa: Isa, offset: usize) -> Vec<Vec<u32>> {
+    let shape = Shape { images: 1, height: 129, width: 256, channels: 64 };
+    let (z, dy) = (values(shape.len(), 2), values(shape.len(), 3));
+    let factors = values(shape.channels, 4);
+    let norm = Normalization { scale: &factors, shift: &factors, bounds: Some((0.0, 0.5)) };
+    let gradient = NormGradient { mean: &factors, inverse: &factors, gamma: &factors, frozen: false };
+    let (z, dy) = (View::new(&z, shape, shape.channels), View::new(&dy, shape, shape.channels));
+    let mut maps = [Buffer::zeros(shape.len() + offset), Buffer::zeros(shape.len() + offset)];
+    let [y, dz] = maps.each_mut().map(|map| ViewMut::new(&mut map[offset..], shape, shape.channels));
+    assert_eq!([y.streamed(), dz.streamed()], [offset == 0; 2]);
+    norm.apply_with(isa, z, None, y);
+    let mut sums = [vec![0.0; shape.channels], vec![0.0; shape.channels]];
+    let passing = Passing { dy, gate: Gate::Normalized(norm) };
+    let by_vectors = sums.each_mut().map(Vec::as_mut_slice);
+    gradient.backward_with(isa, passing, z, dz, None, by_vectors, &mut Scratch::default());
+    maps.iter().map(|map| &map[offset..]).chain(sums.iter().map(|s| &s[..])).map(bits).collect()
+}
+
+fn bits(values: &[f32]) -> Vec<u32> {
+    values.iter().map(|v| v.to_bits()).collect()
+}
+
+#[test]
+fn maps_written_past_the_caches_have_the_same_bits() {
+    let expected = large(Isa::Portable, 1);
+    for isa in supported() {
+        for result in on_pools(|| [large(isa, 0), large(isa, 1)]).concat() {
+            assert!(result == expected, "{isa:?}");
+        }
+    }
 }
