@@ -1,12 +1,13 @@
 //! Figure 10: value of each trial and the best so far.
 
-use super::axes::{Panel, Scale, Sign, legend, short};
+use super::axes::{Panel, Scale, Sign, legend, room_for_numbers, short};
 use super::drawing::{Drawing, Point, Stroke, Type};
 use super::style::{BEST, BLUE, MARGIN, Mark, SLATE, WIDTH};
 use crate::search::{Direction, TrialState};
 use crate::tables::artefacts::{RunArtefacts, TrialArtefact};
 
-const LEFT: f64 = 38.0;
+/// Height of the plot.
+const HEIGHT: f64 = 120.0;
 
 /// Optimisation history: complete trials, the best so far in red, pruned and failed trials marked.
 pub fn draw(run: &RunArtefacts) -> (Drawing, String) {
@@ -71,11 +72,13 @@ fn panel(trials: &[TrialArtefact]) -> Panel {
     let pruned = trials.iter().filter(|t| t.state == TrialState::Pruned).filter_map(last_value);
     let shown = pruned.filter(|v| complete.is_empty() || *v <= ceiling);
     let (first, last) = trials.iter().fold((u32::MAX, 0), |(a, b), t| (a.min(t.number), b.max(t.number)));
+    let y = Scale::around(complete.iter().copied().chain(shown));
+    let left = room_for_numbers(&y, HEIGHT);
     Panel {
-        at: (LEFT, 22.0),
-        size: (WIDTH - LEFT - MARGIN - 2.0, 120.0),
+        at: (left, 22.0),
+        size: (WIDTH - left - MARGIN - 2.0, HEIGHT),
         x: Scale::linear(f64::from(first) - 0.6, f64::from(last) + 0.6),
-        y: Scale::around(complete.iter().copied().chain(shown)),
+        y,
     }
 }
 

@@ -1,7 +1,7 @@
 //! Small panels: their frames, ticks of parameters, colour bars and signs.
 
 use super::parameters::Axis;
-use crate::figures::axes::{Panel, Scale, short};
+use crate::figures::axes::{Panel, Scale, short, written};
 use crate::figures::drawing::{Anchor, Drawing, Point, Shape, Stroke, Type};
 use crate::figures::style::{BEST, GRID, INK, MARGIN, MUTED, Mark, PAPER, SLATE, SMALL, WIDTH, ramp, tint};
 use crate::figures::text;
@@ -136,7 +136,7 @@ fn decades(scale: &Scale, count: usize) -> Option<Vec<(f64, String)>> {
     }
     let step = (last - first).unsigned_abs().div_ceil(count.max(2) as u32 - 1) as usize;
     let power = |e: i32| libm::pow(10.0, f64::from(e));
-    Some((first..=last).step_by(step).map(power).map(|v| (v, short(v))).collect())
+    Some(written((first..=last).step_by(step).map(power).collect()))
 }
 
 /// Labels under their places, leaving out those that would cover the one before.
