@@ -93,16 +93,19 @@ impl Scale {
         let every = ((decades / count.max(1) as f64).ceil() as i32).max(1);
         let first = libm::floor(libm::log10(self.low)) as i32;
         let last = libm::ceil(libm::log10(self.high)) as i32;
-        let values = |factors: &'static [f64]| -> Vec<f64> {
+        let values = |(every, factors): (i32, &'static [f64])| -> Vec<f64> {
             (first..=last)
                 .filter(|e| (e - first) % every == 0)
                 .flat_map(|e| factors.iter().map(move |f| f * libm::pow(10.0, f64::from(e))))
                 .filter(|v| (self.low..=self.high).contains(v))
                 .collect()
         };
-        let sets: [&[f64]; 4] = [&[1.0], &[1.0, 3.0], &[1.0, 2.0, 5.0], &[1.0, 1.5, 2.0, 3.0, 5.0, 7.0]];
-        let found = sets.into_iter().map(values).find(|v| v.len() >= 3);
-        written(found.unwrap_or_else(|| values(sets[sets.len() - 1])))
+        // Over many decades fewer powers are passed over before values between them are written.
+        let powers = (1..=every).rev().map(|every| (every, &[1.0][..]));
+        let between: [&[f64]; 3] = [&[1.0, 3.0], &[1.0, 2.0, 5.0], &[1.0, 1.5, 2.0, 3.0, 5.0, 7.0]];
+        let finest = (1, between[2]);
+        let found = powers.chain(between.map(|factors| (1, factors))).map(values).find(|v| v.len() >= 3);
+        written(found.unwrap_or_else(|| values(finest)))
     }
 }
 

@@ -154,8 +154,11 @@ fn panel(d: &mut Drawing, top: f64, quantity: Quantity, metric: Metric, rows: &[
 
 /// Decimals for all values of a panel: three digits of the largest, four if it begins with 1.
 fn digits(rows: &[&MetricRow]) -> usize {
-    let largest = rows.iter().map(|r| r.value.abs()).fold(1e-9, f64::max);
-    (2.0 - libm::floor(libm::log10(largest / 2.0))).clamp(0.0, 9.0) as usize
+    let largest = rows.iter().map(|r| r.value.abs()).fold(0.0, f64::max);
+    if largest == 0.0 {
+        return 1;
+    }
+    (2.0 - libm::floor(libm::log10(largest / 2.0))).clamp(0.0, 7.0) as usize
 }
 
 fn zero_line(d: &mut Drawing, panel: &Panel) {

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use serde_json::json;
 
+use super::Curve;
 use crate::config::spec::{Experiment, NetworkKind};
 use crate::dataset::Subset;
 use crate::evaluate::{Arm, Metric, MetricRow, Prediction, Quantity};
@@ -51,6 +52,22 @@ pub(crate) fn run(trials: u32, layers: u32) -> RunArtefacts {
         warnings: vec!["The backbone's weights are seeded: its features are random, not learnt.".to_owned()],
         provenance: json!({"program": {"version": "0.1.0", "commit": "0123456789abcdef"}, "threads": 2, "cpu": "x86-64"}),
     }
+}
+
+/// Searches of `count` groups of five seeds over `trials` trials; their bands overlap.
+pub(crate) fn groups(count: u32, trials: u32) -> Vec<Curve> {
+    let mut noise = Noise(0x2545_F491_4F6C_DD1D);
+    let mut group = |k: u32| {
+        let mut best = [0.31, 0.27, 0.36].map(|v| v + 0.01 * f64::from(k));
+        let mut next = |n: u32| {
+            let fall = (0.06 + 0.02 * f64::from(k)) / f64::from(n + 2);
+            best = best.map(|v| if noise.next() < 0.4 { (v - fall * noise.next()).max(0.12) } else { v });
+            let [median, least, greatest] = best;
+            (n, [median.max(least), least, greatest.max(median)])
+        };
+        Curve { label: format!("group {k}"), runs: 5, points: (0..trials).map(&mut next).collect() }
+    };
+    (0..count).map(&mut group).collect()
 }
 
 /// A run that was stopped before anything was done.

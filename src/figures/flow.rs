@@ -242,7 +242,7 @@ fn head(run: &RunArtefacts) -> (String, Vec<String>) {
         0 => heads,
         1 => format!("{heads} of 1 hidden layer"),
         n => format!("{heads} of {n} hidden layers"),
-    };
+    } + if networks.len() > 1 { " each" } else { "" };
     let trained = run.layers.iter().filter(|l| network::is_hidden(l) || network::is_output(l));
     let parameters: u64 = trained.map(|l| l.parameters).sum();
     let mut lines = Vec::new();

@@ -50,8 +50,8 @@ pub fn chart(all: &[ImportanceRow], complete: usize) -> (Drawing, String) {
     d.end_at(end - Type::NOTE.line());
     let caption = format!(
         "Importance of each hyper-parameter by fANOVA over the complete trials, normalised to a sum of 1. The line on a bar \
-         runs from the smallest to the largest value over forest seeds and over studies with one trial left out; bars are \
-         pale where the ranking is not stable. {standing}{note}"
+         runs from the smallest to the largest value over forest seeds and over studies with one trial left out. \
+         {standing}{note}"
     );
     (d, caption)
 }
@@ -93,7 +93,7 @@ fn number(value: f64) -> String {
 /// A hyper-parameter comes before another only if its whole range lies above the other's.
 fn standing(all: &[ImportanceRow], complete: usize) -> String {
     if complete < STABLE_IMPORTANCE {
-        return format!("{complete} complete trials: under {STABLE_IMPORTANCE}, the ranking is not stable.");
+        return format!("{complete} complete trials (< {STABLE_IMPORTANCE}): ranking not stable.");
     }
     let names: Vec<&str> = all[..ahead(all)].iter().take(NAMED).map(|r| r.name.as_str()).collect();
     match names.as_slice() {

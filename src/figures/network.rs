@@ -184,7 +184,7 @@ fn block(d: &mut Drawing, layer: &LayerRow, (x, y): Point, width: f64, fill: Col
     let names = text::wrap(own_name(layer), inner - Type::PLAIN.width(&shape) - 6.0, SMALL, true);
     let count = match layer.parameters {
         0 => String::new(),
-        n => format!("{} parameters", fixed(n as f64, 0)),
+        n => text::shorten(&format!("{} parameters", fixed(n as f64, 0)), inner, SMALL, false),
     };
     let beside = Type::NOTE.width(&layer.detail) + Type::NOTE.width(&count) + 8.0 <= inner;
     let details = if layer.detail.is_empty() { Vec::new() } else { text::wrap(&layer.detail, inner, SMALL, false) };

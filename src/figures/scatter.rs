@@ -10,9 +10,10 @@ use crate::tables::artefacts::RunArtefacts;
 const ARMS: [Arm; 2] = [Arm::Baseline, Arm::Tuned];
 /// Points shown in a panel; of more, every n-th.
 const SHOWN: usize = 800;
-const GAP: f64 = 10.0;
+/// Room between the plots: numbers at their ends do not meet.
+const GAP: f64 = 20.0;
 /// About the height of a plot.
-const HEIGHT: f64 = 95.0;
+const HEIGHT: f64 = 90.0;
 
 /// One panel an arm: the first refit's estimates, the identity, and what predict-the-mean says.
 pub fn draw(run: &RunArtefacts, quantity: Quantity) -> (Drawing, String) {

@@ -47,10 +47,10 @@ fn drawings() -> Vec<(String, Drawing, String)> {
 
 #[test]
 fn every_text_can_be_read() {
-    for (name, d, _) in drawings() {
-        let faults = legible::faults(&d);
-        assert!(faults.is_empty(), "{name}: {faults:#?}");
-    }
+    let faults =
+        |(name, d, _): (String, Drawing, String)| legible::faults(&d).into_iter().map(move |f| format!("{name}: {f}"));
+    let all: Vec<String> = drawings().into_iter().flat_map(faults).collect();
+    assert!(all.is_empty(), "{all:#?}");
 }
 
 #[test]
@@ -189,7 +189,7 @@ fn plots_say_what_they_show() {
     };
     for (plot, expected) in [
         (StudyPlot::History, &["pruned", "failed", "best so far", "objective (less is better)", "1 running"][..]),
-        (StudyPlot::Importance, &["learning_rate", "finished trials"]),
+        (StudyPlot::Importance, &["learning_rate", "complete trials"]),
         (StudyPlot::Slice, &["28 more parameters not shown", "10⁻⁵", "spread sideways"]),
         (StudyPlot::Contour, &["interpolated", "observed"]),
         (StudyPlot::ParallelCoordinates, &["26 more parameters not shown", "best trial", "breaks"]),
