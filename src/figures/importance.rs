@@ -46,8 +46,8 @@ pub fn chart(all: &[ImportanceRow], complete: usize) -> (Drawing, String) {
     let border = [panel.at, (panel.at.0, panel.at.1 + panel.size.1)];
     d.line(&border, Stroke::solid(MUTED, 0.8));
     let note = note(all);
-    let end = d.paragraph((MARGIN, end + 13.0), INNER, note.trim(), Type::NOTE);
-    d.end_at(end - Type::NOTE.line());
+    let lines = d.paragraph((MARGIN, end + 13.0), INNER, note.trim(), Type::NOTE);
+    d.end_at(if note.is_empty() { end } else { lines - Type::NOTE.line() });
     let caption = format!(
         "Importance of each hyper-parameter by fANOVA over the complete trials, normalised to a sum of 1. The line on a bar \
          runs from the smallest to the largest value over forest seeds and over studies with one trial left out. \

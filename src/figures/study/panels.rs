@@ -161,8 +161,10 @@ pub fn number_labels(d: &mut Drawing, panel: &Panel, baseline: f64, places: &[(f
 fn choice_labels(d: &mut Drawing, panel: &Panel, places: &[(f64, String)], rows: usize) {
     let cell = panel.size.0 / places.len().max(1) as f64;
     let widest = places.iter().map(|(_, label)| Type::PLAIN.width(label)).fold(0.0, f64::max);
-    let every = ((widest.min(20.0) + 4.0) / (rows as f64 * cell)).ceil().max(1.0) as usize;
-    let room = (rows * every) as f64 * cell - 4.0;
+    let every = ((widest.min(28.0) + 4.0) / (rows as f64 * cell)).ceil().max(1.0) as usize;
+    let apart = (rows * every) as f64 * cell;
+    // The first and the last may be moved into the panel, towards their neighbours.
+    let room = (apart - 4.0).min((apart + cell / 2.0 + 3.0) / 1.5);
     for (i, (x, label)) in places.iter().step_by(every).enumerate() {
         let label = text::shorten_middle(label, room, SMALL, false);
         let half = Type::PLAIN.width(&label) / 2.0;
