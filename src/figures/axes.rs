@@ -102,8 +102,13 @@ impl Scale {
         };
         // Over many decades fewer powers are passed over before values between them are written.
         let powers = (1..=every).rev().map(|every| (every, &[1.0][..]));
-        let between: [&[f64]; 3] = [&[1.0, 3.0], &[1.0, 2.0, 5.0], &[1.0, 1.5, 2.0, 3.0, 5.0, 7.0]];
-        let finest = (1, between[2]);
+        let between: [&[f64]; 4] = [
+            &[1.0, 3.0],
+            &[1.0, 2.0, 5.0],
+            &[1.0, 1.5, 2.0, 3.0, 5.0, 7.0],
+            &[1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0],
+        ];
+        let finest = (1, between[3]);
         let found = powers.chain(between.map(|factors| (1, factors))).map(values).find(|v| v.len() >= 3);
         written(found.unwrap_or_else(|| values(finest)))
     }

@@ -353,6 +353,15 @@ mod tests {
     }
 
     #[test]
+    fn series_are_told_apart_without_colour() {
+        for (i, a) in SERIES.iter().enumerate() {
+            for b in &SERIES[..i] {
+                assert!(a.dash != b.dash || (a.width - b.width).abs() > 0.5, "{a:?} {b:?}");
+            }
+        }
+    }
+
+    #[test]
     fn a_line_breaks_at_values_that_are_not_finite() {
         let mut d = Drawing::new();
         d.line(

@@ -138,7 +138,7 @@ fn stack(d: &mut Drawing, network: &Network, (x, y): Point, width: f64) -> f64 {
     d.text((x + PAD, baseline), network.name, Type::PLAIN);
     baseline += line;
     for layer in hidden {
-        let rule = baseline - SMALL + 0.5;
+        let rule = baseline - SMALL + 1.5;
         d.line(&[(x, rule), (x + width, rule)], Stroke::solid(MUTED, 0.4));
         baseline += RULE;
         let count = fixed(layer.parameters as f64, 0);

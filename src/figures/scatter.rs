@@ -28,7 +28,8 @@ pub fn draw(run: &RunArtefacts, quantity: Quantity) -> (Drawing, String) {
         return (Drawing::sentence(&why), why);
     }
     let mean = points(run, Arm::PredictMean, quantity).first().map(|p| p.1);
-    let scale = Scale::around(found.iter().flat_map(|(_, p)| p.iter().flat_map(|(t, e)| [*t, *e])));
+    let values = found.iter().flat_map(|(_, p)| p.iter().flat_map(|(t, e)| [*t, *e]));
+    let scale = Scale::around(values.chain(mean));
     let left = room_for_numbers(&scale, HEIGHT);
     let side = (WIDTH - left - MARGIN - 4.0 - GAP) / 2.0;
     let mut d = Drawing::new();
