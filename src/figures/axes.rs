@@ -74,9 +74,10 @@ impl Scale {
                 return decades;
             }
         }
-        // A coarse step may hit a short range only once.
-        let ticks = (count.max(1)..).step_by(2).take(4).map(|n| self.linear_ticks(n)).find(|ticks| ticks.len() >= 2);
-        ticks.unwrap_or_default()
+        let finer = || (count.max(1)..).step_by(2).map(|n| self.linear_ticks(n));
+        // A coarse step may hit a short range only once or twice.
+        let three = finer().take(2).find(|ticks| ticks.len() >= 3);
+        three.or_else(|| finer().take(4).find(|ticks| ticks.len() >= 2)).unwrap_or_default()
     }
 
     fn linear_ticks(&self, count: usize) -> Vec<(f64, String)> {
@@ -89,23 +90,71 @@ impl Scale {
 
     fn log_ticks(&self, count: usize) -> Vec<(f64, String)> {
         let decades = libm::log10(self.high) - libm::log10(self.low);
-        let factors: &[f64] = if decades > 2.0 {
-            &[1.0]
-        } else if decades > 1.0 {
-            &[1.0, 3.0]
-        } else {
-            &[1.0, 2.0, 5.0]
-        };
         let every = ((decades / count.max(1) as f64).ceil() as i32).max(1);
         let first = libm::floor(libm::log10(self.low)) as i32;
         let last = libm::ceil(libm::log10(self.high)) as i32;
-        (first..=last)
-            .filter(|e| (e - first) % every == 0)
-            .flat_map(|e| factors.iter().map(move |f| f * libm::pow(10.0, f64::from(e))))
-            .filter(|v| (self.low..=self.high).contains(v))
-            .map(|v| (v, short(v)))
-            .collect()
+        let values = |(every, factors): (i32, &'static [f64])| -> Vec<f64> {
+            (first..=last)
+                .filter(|e| (e - first) % every == 0)
+                .flat_map(|e| factors.iter().map(move |f| f * libm::pow(10.0, f64::from(e))))
+                .filter(|v| (self.low..=self.high).contains(v))
+                .collect()
+        };
+        // Over many decades fewer powers are passed over before values between them are written.
+        let powers = (1..=every).rev().map(|every| (every, &[1.0][..]));
+        let between: [&[f64]; 4] = [
+            &[1.0, 3.0],
+            &[1.0, 2.0, 5.0],
+            &[1.0, 1.5, 2.0, 3.0, 5.0, 7.0],
+            &[1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0],
+        ];
+        let finest = (1, between[3]);
+        let found = powers.chain(between.map(|factors| (1, factors))).map(values).find(|v| v.len() >= 3);
+        written(found.unwrap_or_else(|| values(finest)))
     }
+}
+
+/// Values on a logarithmic scale as they are written: all as powers of ten if they are powers and one needs it.
+pub fn written(values: Vec<f64>) -> Vec<(f64, String)> {
+    let exponent = |v: f64| libm::round(libm::log10(v));
+    let powers = values.iter().all(|v| (v / libm::pow(10.0, exponent(*v)) - 1.0).abs() < 1e-9);
+    let far = values.iter().any(|v| !(1e-3..1e5).contains(&(v * (1.0 + 1e-9))));
+    let label = |v: f64| if powers && far { power(exponent(v) as i32) } else { short(v) };
+    values.into_iter().map(|v| (v, label(v))).collect()
+}
+
+/// A power of ten; 1 and 10 are written out.
+fn power(exponent: i32) -> String {
+    match exponent {
+        0 => "1".to_owned(),
+        1 => "10".to_owned(),
+        e => format!("10{}", superscript(e)),
+    }
+}
+
+/// Number of ticks of a vertical axis of some height, points.
+fn upward_count(height: f64) -> usize {
+    ((height / 22.0) as usize).clamp(2, 7)
+}
+
+/// Distance from the figure's border to a plot of some height whose vertical axis has numbers.
+pub fn room_for_numbers(scale: &Scale, height: f64) -> f64 {
+    let ticks = scale.ticks(upward_count(height));
+    super::style::MARGIN + ticks.iter().map(|(_, label)| Type::PLAIN.width(label)).fold(0.0, f64::max) + 5.0
+}
+
+/// Every how many labels, from which one on, are written so that none comes close to the next.
+///
+/// Zero keeps its label if it has one.
+fn evenly(labels: &[(f64, f64, bool)]) -> (usize, usize) {
+    const APART: f64 = 4.0;
+    let zero = labels.iter().position(|(.., zero)| *zero).unwrap_or(0);
+    let fits = |every: usize| {
+        let kept: Vec<_> = labels.iter().skip(zero % every).step_by(every).collect();
+        kept.windows(2).all(|pair| pair[0].0 + pair[0].1 + APART <= pair[1].0 - pair[1].1)
+    };
+    let every = (1..labels.len().max(2)).find(|every| fits(*every)).unwrap_or(labels.len().max(1));
+    (every, zero % every)
 }
 
 /// Smallest and largest finite value; (0, 0) if there is none.
@@ -202,7 +251,7 @@ impl Panel {
     /// Grid, ticks and the name of the vertical axis, written above it.
     pub fn vertical(&self, d: &mut Drawing, title: &str) {
         let right = self.at.0 + self.size.0;
-        for (value, label) in self.y.ticks(((self.size.1 / 22.0) as usize).clamp(2, 7)) {
+        for (value, label) in self.y.ticks(upward_count(self.size.1)) {
             let (_, y) = self.point(self.x.low, value);
             d.line(&[(self.at.0, y), (right, y)], Stroke::solid(GRID, 0.6));
             d.text((self.at.0 - 3.0, y + SMALL * 0.36), label, Type::PLAIN.at(Anchor::End));
@@ -214,15 +263,19 @@ impl Panel {
     /// Grid, ticks and the name of the horizontal axis; gives the baseline of that name.
     pub fn horizontal(&self, d: &mut Drawing, ticks: &[(f64, String)], title: &str, grid: bool) -> f64 {
         let bottom = self.at.1 + self.size.1;
-        let mut free_from = f64::NEG_INFINITY;
-        for (value, label) in ticks {
-            let (x, _) = self.point(*value, self.y.high);
+        let place = |(value, label): &(f64, String)| {
             let half = Type::PLAIN.width(label) / 2.0;
+            let x = self.point(*value, self.y.high).0;
+            (x.max(half + 1.0).min(d.width - 1.0 - half), half, *value == 0.0)
+        };
+        let places: Vec<(f64, f64, bool)> = ticks.iter().map(place).collect();
+        let (every, first) = evenly(&places);
+        for (i, (value, label)) in ticks.iter().enumerate() {
+            let (x, _) = self.point(*value, self.y.high);
             let (foot, top) = (bottom + 2.5, if grid { self.at.1 } else { bottom });
             d.line(&[(x, top), (x, foot)], if grid { Stroke::solid(GRID, 0.6) } else { Stroke::solid(MUTED, 0.6) });
-            if x - half >= free_from && x + half <= d.width {
-                d.text((x, bottom + 10.5), label.clone(), Type::PLAIN.at(Anchor::Middle));
-                free_from = x + half + 4.0;
+            if i % every == first {
+                d.text((places[i].0, bottom + 10.5), label.clone(), Type::PLAIN.at(Anchor::Middle));
             }
         }
         d.line(&[(self.at.0, bottom), (self.at.0 + self.size.0, bottom)], Stroke::solid(MUTED, 0.8));
@@ -292,6 +345,11 @@ impl Panel {
     }
 }
 
+/// The letter that names the `i`-th panel of a figure: (a), (b), …
+pub fn letter(i: usize) -> String {
+    format!("({})", char::from(b'a' + (i % 26) as u8))
+}
+
 /// Draws the sign of a legend's entry around a point.
 pub type Sign = dyn Fn(&mut Drawing, Point);
 
@@ -343,6 +401,25 @@ mod tests {
                 prop_assert!(points.iter().all(|p| panel.holds(*p)), "{points:?}");
             }
         }
+    }
+
+    #[test]
+    fn labels_that_come_too_close_are_left_out_evenly_and_zero_stays() {
+        let at = |x: f64, zero| (x, 8.0, zero);
+        let five = |step: f64| (0..5).map(|i| at(f64::from(i) * step, i == 1)).collect::<Vec<_>>();
+        assert_eq!(evenly(&five(20.0)), (1, 0));
+        assert_eq!(evenly(&five(19.0)), (2, 1));
+        assert_eq!(evenly(&five(7.0)), (3, 1));
+        assert_eq!(evenly(&five(0.0)), (4, 1));
+        assert_eq!(evenly(&[]), (1, 0));
+    }
+
+    #[test]
+    fn powers_of_ten_are_written_alike() {
+        let labels = |values: &[f64]| written(values.to_vec()).into_iter().map(|(_, l)| l).collect::<Vec<_>>();
+        assert_eq!(labels(&[1e-5, 1e-3, 0.1, 10.0]), ["10⁻⁵", "10⁻³", "10⁻¹", "10"]);
+        assert_eq!(labels(&[1e-3, 0.01]), ["0.001", "0.01"]);
+        assert_eq!(labels(&[1e-5, 3e-5]), ["10⁻⁵", "3×10⁻⁵"]);
     }
 
     #[test]

@@ -1,9 +1,9 @@
 //! Searches of several runs or groups of runs: the best value so far, with a band over the seeds of a group.
 
-use super::axes::{Panel, Scale, Sign, legend};
-use super::drawing::{Drawing, Point, Stroke, Type};
+use super::axes::{Panel, Scale, Sign, legend, room_for_numbers};
+use super::drawing::{Drawing, Point, SERIES, Stroke, Type};
 use super::history::ticks;
-use super::style::{BEST, BLUE, GREEN, INK, MARGIN, ORANGE, SLATE, SMALL, WIDTH, tint};
+use super::style::{MARGIN, SMALL, WIDTH};
 use super::{Error, Figure, png, svg, text};
 
 /// Best objective so far, of one run or over the seeds of a group.
@@ -17,15 +17,10 @@ pub struct Curve {
     pub points: Vec<(u32, [f64; 3])>,
 }
 
-/// Lines tell searches apart by colour and by dash.
-const LOOKS: [Stroke; 6] = [
-    Stroke { colour: BLUE, width: 1.5, dash: None },
-    Stroke { colour: BEST, width: 1.5, dash: Some((5.0, 2.0)) },
-    Stroke { colour: GREEN, width: 1.5, dash: Some((1.6, 1.4)) },
-    Stroke { colour: INK, width: 0.9, dash: None },
-    Stroke { colour: ORANGE, width: 1.7, dash: Some((8.0, 2.5)) },
-    Stroke { colour: SLATE, width: 1.1, dash: Some((3.0, 3.0)) },
-];
+/// How much of the ground the band of a group hides: two on each other still show which is which.
+const BAND: f64 = 0.2;
+/// Height of the plot.
+const HEIGHT: f64 = 120.0;
 
 /// The figure `search_curves`. Curves without points are left out; of more than six, the first six are shown.
 ///
@@ -44,22 +39,22 @@ fn draw(curves: &[Curve]) -> (Drawing, String) {
         let why = "No run has a trial with a value, so there is no search to show.";
         return (Drawing::sentence(why), why.to_owned());
     }
-    let shown = &searched[..searched.len().min(LOOKS.len())];
+    let shown = &searched[..searched.len().min(SERIES.len())];
     let panel = panel(shown);
     let mut d = Drawing::new();
-    for (curve, look) in shown.iter().zip(LOOKS).filter(|(curve, _)| curve.runs > 1) {
-        d.polygon(band(&panel, curve), Some(tint(look.colour, 0.16)), None);
+    for (curve, look) in shown.iter().zip(SERIES).filter(|(curve, _)| curve.runs > 1) {
+        d.veil(band(&panel, curve), look.colour, BAND);
     }
     panel.vertical(&mut d, "best objective so far (less is better)");
     let last = shown.iter().filter_map(|curve| curve.points.last()).map(|(trial, _)| *trial).max().unwrap_or(0);
     let numbers: Vec<u32> = (0..=last).collect();
     let end = panel.horizontal(&mut d, &ticks(&numbers), "trial", false);
-    for (curve, look) in shown.iter().zip(LOOKS).filter(|(curve, _)| curve.runs > 1) {
+    for (curve, look) in shown.iter().zip(SERIES).filter(|(curve, _)| curve.runs > 1) {
         for side in [1, 2] {
-            panel.curve(&mut d, &steps(curve, side), Stroke::solid(tint(look.colour, 0.55), 0.5));
+            panel.curve(&mut d, &steps(curve, side), Stroke { width: 0.5, ..look });
         }
     }
-    for (curve, look) in shown.iter().zip(LOOKS) {
+    for (curve, look) in shown.iter().zip(SERIES) {
         panel.curve(&mut d, &steps(curve, 0), look);
     }
     let end = names(&mut d, end + 13.0, shown);
@@ -74,11 +69,10 @@ fn draw(curves: &[Curve]) -> (Drawing, String) {
 fn panel(curves: &[&Curve]) -> Panel {
     let points = || curves.iter().flat_map(|curve| &curve.points);
     let y = Scale::around(points().flat_map(|(_, values)| *values));
-    let widest = y.ticks(6).iter().map(|(_, label)| Type::PLAIN.width(label)).fold(0.0, f64::max);
-    let left = MARGIN + widest + 5.0;
+    let left = room_for_numbers(&y, HEIGHT);
     let trial = |end: fn(f64, f64) -> f64, from: f64| points().map(|(n, _)| f64::from(*n)).fold(from, end);
     let x = Scale::linear(trial(f64::min, f64::INFINITY) - 0.4, trial(f64::max, 0.0) + 1.0);
-    Panel { at: (left, 22.0), size: (WIDTH - left - MARGIN - 4.0, 120.0), x, y }
+    Panel { at: (left, 22.0), size: (WIDTH - left - MARGIN - 4.0, HEIGHT), x, y }
 }
 
 /// Corners of a step function: a value holds from its trial to the next.
@@ -106,12 +100,16 @@ fn names(d: &mut Drawing, top: f64, shown: &[&Curve]) -> f64 {
         let banded = curve.runs > 1;
         Box::new(move |d, (x, y)| {
             if banded {
-                d.rect((x - 7.0, y - 3.0), (14.0, 6.0), Some(tint(look.colour, 0.16)), None);
+                let (left, right, top, bottom) = (x - 7.0, x + 7.0, y - 3.4, y + 3.4);
+                d.veil(vec![(left, top), (right, top), (right, bottom), (left, bottom)], look.colour, BAND);
+                for edge in [top, bottom] {
+                    d.line(&[(left, edge), (right, edge)], Stroke { width: 0.5, ..look });
+                }
             }
             d.line(&[(x - 7.0, y), (x + 7.0, y)], look);
         })
     };
-    let signs: Vec<Box<Sign>> = shown.iter().zip(LOOKS).map(sign).collect();
+    let signs: Vec<Box<Sign>> = shown.iter().zip(SERIES).map(sign).collect();
     let entries: Vec<(&str, &Sign)> = names.iter().map(String::as_str).zip(signs.iter().map(Box::as_ref)).collect();
     legend(d, (MARGIN, top), inner, &entries)
 }
@@ -130,6 +128,7 @@ fn caption(shown: &[&Curve]) -> String {
 mod tests {
     use super::*;
     use crate::figures::drawing::Shape;
+    use crate::figures::legible;
 
     fn group(label: &str, shift: f64) -> Curve {
         let points = (1..8).map(|n| (n, [0.3, 0.25, 0.4].map(|v| v + shift - 0.01 * f64::from(n)))).collect();
@@ -138,13 +137,13 @@ mod tests {
 
     #[test]
     fn a_group_has_a_band_and_a_run_has_none() {
-        let polygons = |d: &Drawing| d.shapes.iter().filter(|s| matches!(s, Shape::Polygon { .. })).count();
+        let veils = |d: &Drawing| d.shapes.iter().filter(|s| matches!(s, Shape::Veil { .. })).count();
         let (one, caption) = draw(&[Curve { runs: 1, ..group("A", 0.0) }]);
-        assert_eq!(polygons(&one), 0);
+        assert_eq!(veils(&one), 0);
         assert!(!caption.contains("band"));
         let (two, caption) = draw(&[group("a", 0.0), group("b", 0.05)]);
         // a band and a sign each
-        assert_eq!(polygons(&two), 4);
+        assert_eq!(veils(&two), 4);
         assert!(caption.contains("median over its seeds"));
     }
 
@@ -159,8 +158,9 @@ mod tests {
     #[test]
     fn everything_is_in_the_figure() {
         let (d, _) = draw(&[group("a", 0.0), group("a group with a name that is longer than its line by far", 0.05)]);
+        assert_eq!(legible::faults(&d), Vec::<String>::new());
         for shape in &d.shapes {
-            if let Shape::Line { points, .. } | Shape::Polygon { points, .. } = shape {
+            if let Shape::Line { points, .. } | Shape::Veil { points, .. } = shape {
                 assert!(points.iter().all(|(x, y)| (0.0..=d.width).contains(x) && (0.0..=d.height).contains(y)));
             }
         }

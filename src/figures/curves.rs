@@ -1,6 +1,6 @@
 //! Training curves: losses of the refits, and the objective of every trial epoch by epoch.
 
-use super::axes::{Panel, Scale, Sign, legend, short};
+use super::axes::{Panel, Scale, Sign, fixed, legend, letter, room_for_numbers, short};
 use super::drawing::{Drawing, Stroke, Type};
 use super::history;
 use super::style::{self, BLUE, HEADING, MARGIN, Mark, PAPER, SLATE, WIDTH, tint};
@@ -9,7 +9,8 @@ use crate::search::TrialState;
 use crate::tables::artefacts::{RunArtefacts, TrialArtefact};
 use crate::train::EpochRecord;
 
-const LEFT: f64 = 38.0;
+/// Heights of the plots of a refit and of all trials.
+const HEIGHTS: [f64; 2] = [84.0, 130.0];
 const ARMS: [Arm; 2] = [Arm::Baseline, Arm::Tuned];
 
 /// Training and validation loss of each refit, one panel an arm, on the same scales.
@@ -31,8 +32,10 @@ pub fn losses(run: &RunArtefacts) -> (Drawing, String) {
     let y = Scale::logarithmic(all().flat_map(|r| [r.train_loss, r.validation_loss]));
     let mut d = Drawing::new();
     let mut top = MARGIN;
-    for (arm, refits) in &curves {
-        top = loss_panel(&mut d, top, *arm, refits, x, y);
+    for (i, (arm, refits)) in curves.iter().enumerate() {
+        let heading = format!("{} {}", letter(i), style::arm(*arm).name);
+        d.text((MARGIN, top + HEADING), heading, Type::BOLD.sized(HEADING));
+        top = loss_panel(&mut d, top + HEADING, *arm, refits, x, y);
     }
     let end = legend(&mut d, (MARGIN, top + 2.0), WIDTH - 2.0 * MARGIN, &loss_entries());
     d.end_at(end - Type::PLAIN.line());
@@ -48,13 +51,13 @@ pub fn losses(run: &RunArtefacts) -> (Drawing, String) {
 
 fn loss_panel(d: &mut Drawing, top: f64, arm: Arm, refits: &[&[EpochRecord]], x: Scale, y: Scale) -> f64 {
     let look = style::arm(arm);
-    let panel = Panel { at: (LEFT, top + 30.0), size: (WIDTH - LEFT - MARGIN - 4.0, 84.0), x, y };
-    d.text((MARGIN, top + HEADING), look.name, Type::BOLD.sized(HEADING));
+    let left = room_for_numbers(&y, HEIGHTS[0]);
+    let panel = Panel { at: (left, top + 18.0), size: (WIDTH - left - MARGIN - 4.0, HEIGHTS[0]), x, y };
     panel.vertical(d, "loss (logarithmic)");
-    let end = panel.horizontal(d, &x.ticks(5), "epoch", false);
+    let end = panel.horizontal(d, &whole(&x), "epoch", false);
     for refit in refits {
         let line = |f: fn(&EpochRecord) -> f64| refit.iter().map(|r| (f64::from(r.epoch), f(r))).collect::<Vec<_>>();
-        panel.curve(d, &line(|r| r.train_loss), Stroke::dashed(tint(look.colour, 0.6), 0.8, 3.0, 2.0));
+        panel.curve(d, &line(|r| r.train_loss), Stroke::dashed(look.colour, 0.8, 2.4, 1.6));
         panel.curve(d, &line(|r| r.validation_loss), Stroke::solid(look.colour, 1.1));
     }
     for refit in refits {
@@ -62,7 +65,12 @@ fn loss_panel(d: &mut Drawing, top: f64, arm: Arm, refits: &[&[EpochRecord]], x:
             d.mark(panel.point(epoch, loss), 3.6, Mark::Circle, look.colour, Some(PAPER));
         }
     }
-    end + 14.0
+    end + 11.0
+}
+
+/// Round whole numbers of epochs.
+fn whole(scale: &Scale) -> Vec<(f64, String)> {
+    scale.ticks(5).into_iter().filter(|(v, _)| v.fract() == 0.0).map(|(v, _)| (v, fixed(v, 0))).collect()
 }
 
 /// Epoch and value of the least validation loss.
@@ -77,7 +85,7 @@ fn least(curve: &[EpochRecord]) -> Option<(f64, f64)> {
 fn loss_entries() -> Vec<(&'static str, &'static Sign)> {
     vec![
         ("validation", &|d, (x, y)| d.line(&[(x - 6.0, y), (x + 6.0, y)], Stroke::solid(SLATE, 1.1))),
-        ("train", &|d, (x, y)| d.line(&[(x - 6.0, y), (x + 6.0, y)], Stroke::dashed(tint(SLATE, 0.7), 0.8, 3.0, 2.0))),
+        ("train", &|d, (x, y)| d.line(&[(x - 6.0, y), (x + 6.0, y)], Stroke::dashed(SLATE, 0.8, 2.4, 1.6))),
         ("best epoch", &|d, p| d.mark(p, 3.6, Mark::Circle, SLATE, Some(PAPER))),
     ]
 }
@@ -93,7 +101,7 @@ pub fn trials(run: &RunArtefacts) -> (Drawing, String) {
     let best = history::best(&run.trials).map(|(trial, _)| trial.number);
     let mut d = Drawing::new();
     panel.vertical(&mut d, "objective on validation (less is better)");
-    let end = panel.horizontal(&mut d, &panel.x.ticks(5), "epoch", false);
+    let end = panel.horizontal(&mut d, &whole(&panel.x), "epoch", false);
     let traces: Vec<Trace> = drawn.iter().map(|t| trace(t, Some(t.number) == best)).collect();
     draw_traces(&mut d, &panel, &traces);
     let signs = trace_entries(&traces, "best trial and epoch");
@@ -122,12 +130,9 @@ fn trials_panel(drawn: &[&TrialArtefact]) -> Panel {
     let ceiling = values.get(values.len() * 98 / 100).copied().unwrap_or(1.0);
     let finite = drawn.iter().flat_map(|t| t.curve.iter()).filter(|r| r.objective.is_finite());
     let last = finite.map(|r| f64::from(r.epoch)).fold(1.0, f64::max);
-    Panel {
-        at: (LEFT, 22.0),
-        size: (WIDTH - LEFT - MARGIN - 4.0, 130.0),
-        x: Scale::linear(0.0, last),
-        y: Scale::around(values.into_iter().filter(|v| *v <= ceiling)),
-    }
+    let y = Scale::around(values.into_iter().filter(|v| *v <= ceiling));
+    let left = room_for_numbers(&y, HEIGHTS[1]);
+    Panel { at: (left, 22.0), size: (WIDTH - left - MARGIN - 4.0, HEIGHTS[1]), x: Scale::linear(0.0, last), y }
 }
 
 fn trial_stroke(state: TrialState, best: bool) -> Stroke {

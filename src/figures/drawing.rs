@@ -2,7 +2,9 @@
 //!
 //! Coordinates are points (1/72 inch) from the upper left corner, y downwards.
 
-use super::style::{Colour, Hatch, INK, LEADING, MARGIN, MUTED, Mark, PAPER, SMALL, WIDTH};
+use super::style::{
+    BEST, BLUE, Colour, GREEN, Hatch, INK, LEADING, MARGIN, MUTED, Mark, ORANGE, PAPER, SLATE, SMALL, WIDTH,
+};
 use super::text;
 use crate::tables::artefacts::Picture;
 
@@ -31,6 +33,16 @@ impl Stroke {
         Self { colour, width, dash: Some((dash, gap)) }
     }
 }
+
+/// Lines that tell up to six studies or searches apart, by colour, by dash and by width.
+pub const SERIES: [Stroke; 6] = [
+    Stroke { colour: BLUE, width: 1.5, dash: None },
+    Stroke { colour: BEST, width: 1.5, dash: Some((5.0, 2.0)) },
+    Stroke { colour: GREEN, width: 1.5, dash: Some((1.6, 1.4)) },
+    Stroke { colour: INK, width: 0.9, dash: None },
+    Stroke { colour: ORANGE, width: 1.7, dash: Some((8.0, 2.5)) },
+    Stroke { colour: SLATE, width: 1.1, dash: Some((3.0, 3.0)) },
+];
 
 /// Which point of a text its position names.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -109,6 +121,15 @@ pub enum Shape {
         /// Pen of the outline.
         stroke: Option<Stroke>,
     },
+    /// A polygon through which what lies behind it is seen.
+    Veil {
+        /// Corners; the last is joined to the first.
+        points: Vec<Point>,
+        /// Its colour.
+        colour: Colour,
+        /// How much of the ground it hides, in (0, 1).
+        opacity: f64,
+    },
     /// A disc or ring.
     Circle {
         /// Centre.
@@ -180,6 +201,11 @@ impl Drawing {
     /// A polygon.
     pub fn polygon(&mut self, points: Vec<Point>, fill: Option<Colour>, stroke: Option<Stroke>) {
         self.shapes.push(Shape::Polygon { points, fill, stroke });
+    }
+
+    /// A polygon that hides the share `opacity` of what lies behind it.
+    pub fn veil(&mut self, points: Vec<Point>, colour: Colour, opacity: f64) {
+        self.shapes.push(Shape::Veil { points, colour, opacity });
     }
 
     /// A rectangle with corner `(x, y)`.
@@ -322,6 +348,15 @@ mod tests {
             for (x, y) in hatching((10.0, 20.0), (w, h), hatch).concat() {
                 prop_assert!(x >= 10.0 - 1e-9 && x <= 10.0 + w + 1e-9);
                 prop_assert!(y >= 20.0 - 1e-9 && y <= 20.0 + h + 1e-9);
+            }
+        }
+    }
+
+    #[test]
+    fn series_are_told_apart_without_colour() {
+        for (i, a) in SERIES.iter().enumerate() {
+            for b in &SERIES[..i] {
+                assert!(a.dash != b.dash || (a.width - b.width).abs() > 0.5, "{a:?} {b:?}");
             }
         }
     }

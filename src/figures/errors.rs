@@ -1,9 +1,9 @@
 //! Figures 12 to 15: error metrics of the arms and controls, and their reduction by the search.
 
-use super::axes::{Panel, Scale, Sign, fixed, legend, short};
-use super::drawing::{Anchor, Drawing, Stroke, Type};
-use super::published;
+use super::axes::{Panel, Scale, Sign, fixed, legend, letter, short};
+use super::drawing::{Anchor, Drawing, Point, Stroke, Type};
 use super::style::{self, BLUE, HEADING, INK, MARGIN, Mark, PAPER, SMALL, WIDTH};
+use super::{published, text};
 use crate::config::spec::CompareWith;
 use crate::dataset::Subset;
 use crate::evaluate::{Arm, Metric, MetricRow, Quantity};
@@ -11,8 +11,11 @@ use crate::tables::artefacts::RunArtefacts;
 
 const METRICS: [Metric; 4] = [Metric::Mae, Metric::Mse, Metric::MeanError, Metric::Sde];
 const ARMS: [Arm; 4] = [Arm::Baseline, Arm::Tuned, Arm::PredictMean, Arm::SpectrumControl];
-const ROW: f64 = 12.0;
-const LEFT: f64 = 82.0;
+const ROW: f64 = 13.0;
+/// Room for the names of rows.
+const LEFT: f64 = 84.0;
+/// Height of a bar.
+const BAR: f64 = 8.0;
 /// Room for a number to the right of the plot.
 const NUMBER: f64 = 40.0;
 /// Reductions below this are cut off.
@@ -27,23 +30,42 @@ pub fn metrics(run: &RunArtefacts, quantity: Quantity) -> (Drawing, String) {
     let paper = run.experiment.report.compare_with == CompareWith::Paper;
     let mut d = Drawing::new();
     let mut top = MARGIN;
-    for metric in METRICS {
+    for (i, metric) in METRICS.into_iter().enumerate() {
         let rows: Vec<&MetricRow> = rows.iter().filter(|r| r.metric == metric).copied().collect();
-        top = panel(&mut d, top, quantity, metric, &rows, paper);
+        let heading = format!("{} {}{}", letter(i), metric_name(metric), unit(quantity, metric));
+        d.text((MARGIN, top + HEADING), heading, Type::BOLD.sized(HEADING));
+        let number = if i == 0 { "mean" } else { "" };
+        d.text((WIDTH - MARGIN, top + HEADING), number, Type::NOTE.at(Anchor::End));
+        top = panel(&mut d, top + HEADING, quantity, metric, &rows, paper);
     }
-    let end = legend(&mut d, (MARGIN, top + 4.0), WIDTH - 2.0 * MARGIN, &entries(paper));
-    let note = format!("Test subset: {} views of {} panoramas.", fixed(f64::from(first.n_views), 0), first.n_panoramas);
-    d.text((MARGIN, end), note.clone(), Type::NOTE);
-    d.end_at(end);
+    let entries = entries(&rows, paper);
+    let end = legend(&mut d, (MARGIN, top + 4.0), WIDTH - 2.0 * MARGIN, &entries);
+    let note = note(first);
+    let end = d.paragraph((MARGIN, end), WIDTH - 2.0 * MARGIN, &note, Type::NOTE);
+    d.end_at(end - Type::NOTE.line());
     (d, metrics_caption(run, quantity, &note, paper))
+}
+
+/// How much the errors rest on.
+fn note(row: &MetricRow) -> String {
+    let views = fixed(f64::from(row.n_views), 0);
+    match row.n_panoramas {
+        1 => format!("Test subset: {views} views of 1 panorama, too few for intervals."),
+        n => format!("Test subset: {views} views of {n} panoramas."),
+    }
+}
+
+/// Whether there is an interval: the bootstrap draws panoramas, and of one it can draw only that.
+fn has_interval(row: &MetricRow) -> bool {
+    row.n_panoramas > 1 && row.ci_low < row.ci_high
 }
 
 fn metrics_caption(run: &RunArtefacts, quantity: Quantity, note: &str, paper: bool) -> String {
     let confidence = short(100.0 * run.experiment.evaluation.confidence);
     let ours = format!(
         "Error metrics of {} with the paper's definitions (error = label − prediction), for the arm without search \
-         (baseline), the arm with it (tuned), and the two controls. Bars are means over the refits, dots single refits, lines \
-         {confidence} % intervals (bootstrap over panoramas). {note}",
+         (baseline), the arm with it (tuned), and the two controls. Bars and numbers are means over the refits, dots single \
+         refits (one above the other so that none is hidden), lines {confidence} % intervals (bootstrap over panoramas). {note}",
         name(quantity)
     );
     if paper {
@@ -103,21 +125,19 @@ fn printed(quantity: Quantity, metric: Metric, arm: Arm) -> Option<f64> {
     }
 }
 
-/// Draws the bars of one metric below `top`; gives the lower end.
+/// Draws the bars of one metric below its heading's baseline; gives the lower end.
 fn panel(d: &mut Drawing, top: f64, quantity: Quantity, metric: Metric, rows: &[&MetricRow], paper: bool) -> f64 {
     // An arm without a value is shown as missing; a control that was not asked for is left out.
     let is_arm = |arm: &Arm| matches!(arm, Arm::Baseline | Arm::Tuned);
     let arms: Vec<Arm> = ARMS.into_iter().filter(|arm| is_arm(arm) || rows.iter().any(|r| r.arm == *arm)).collect();
-    let heading = format!("{}{}", metric_name(metric), unit(quantity, metric));
-    d.text((MARGIN, top + HEADING), heading, Type::BOLD.sized(HEADING));
     if rows.is_empty() {
-        d.text((MARGIN, top + HEADING + Type::NOTE.line()), "not computed", Type::NOTE);
-        return top + 30.0;
+        d.text((MARGIN, top + Type::NOTE.line()), "not computed", Type::NOTE);
+        return top + 22.0;
     }
     let theirs = |arm: Arm| if paper { printed(quantity, metric, arm) } else { None };
     let values = rows.iter().flat_map(|r| [r.value, r.ci_low, r.ci_high]).chain(arms.iter().filter_map(|a| theirs(*a)));
     let panel = Panel {
-        at: (LEFT, top + HEADING + 6.0),
+        at: (LEFT, top + 6.0),
         size: (WIDTH - LEFT - MARGIN - NUMBER, arms.len() as f64 * ROW),
         x: Scale::from_zero(values),
         y: Scale::linear(0.0, 1.0),
@@ -126,10 +146,7 @@ fn panel(d: &mut Drawing, top: f64, quantity: Quantity, metric: Metric, rows: &[
     panel.horizontal(d, &panel.x.ticks(4), "", true);
     for (i, arm) in arms.iter().enumerate() {
         let y = panel.at.1 + (i as f64 + 0.5) * ROW;
-        row(d, &panel, y, *arm, rows, digits);
-        if let Some(value) = theirs(*arm) {
-            d.mark((panel.point(value, 0.0).0, y), 5.0, Mark::Diamond, INK, Some(PAPER));
-        }
+        row(d, &panel, y, *arm, rows, (digits, theirs(*arm)));
     }
     zero_line(d, &panel);
     panel.at.1 + panel.size.1 + 19.0
@@ -137,8 +154,11 @@ fn panel(d: &mut Drawing, top: f64, quantity: Quantity, metric: Metric, rows: &[
 
 /// Decimals for all values of a panel: three digits of the largest, four if it begins with 1.
 fn digits(rows: &[&MetricRow]) -> usize {
-    let largest = rows.iter().map(|r| r.value.abs()).fold(1e-9, f64::max);
-    (2.0 - libm::floor(libm::log10(largest / 2.0))).clamp(0.0, 9.0) as usize
+    let largest = rows.iter().map(|r| r.value.abs()).fold(0.0, f64::max);
+    if largest == 0.0 {
+        return 1;
+    }
+    (2.0 - libm::floor(libm::log10(largest / 2.0))).clamp(0.0, 7.0) as usize
 }
 
 fn zero_line(d: &mut Drawing, panel: &Panel) {
@@ -146,38 +166,67 @@ fn zero_line(d: &mut Drawing, panel: &Panel) {
     d.line(&[(zero, panel.at.1), (zero, panel.at.1 + panel.size.1)], Stroke::solid(INK, 0.8));
 }
 
-fn row(d: &mut Drawing, panel: &Panel, y: f64, arm: Arm, rows: &[&MetricRow], digits: usize) {
+/// Name, bar, published value, interval, refits and mean of an arm; what is small stands in front.
+fn row(d: &mut Drawing, panel: &Panel, y: f64, arm: Arm, rows: &[&MetricRow], (digits, theirs): (usize, Option<f64>)) {
     let look = style::arm(arm);
     let x = |value: f64| panel.point(value, 0.0).0;
     let baseline = y + SMALL * 0.36;
-    d.text((LEFT - 4.0, baseline), look.name, Type::PLAIN.at(Anchor::End));
-    let Some(mean) = rows.iter().find(|r| r.arm == arm && r.seed.is_none()) else {
-        d.text((WIDTH - MARGIN, baseline), "none", Type::NOTE.at(Anchor::End));
-        return;
-    };
-    let (from, to) = (x(mean.value.min(0.0)), x(mean.value.max(0.0)));
-    d.bar((from, y - 3.8), (to - from, 7.6), style::tint(look.colour, 0.75), look.hatch);
-    d.line(&[(x(mean.ci_low), y), (x(mean.ci_high), y)], Stroke::solid(INK, 1.0));
-    for end in [mean.ci_low, mean.ci_high] {
-        d.line(&[(x(end), y - 2.4), (x(end), y + 2.4)], Stroke::solid(INK, 1.0));
+    d.text((LEFT - 7.0, baseline), look.name, Type::PLAIN.at(Anchor::End));
+    let mean = rows.iter().find(|r| r.arm == arm && r.seed.is_none());
+    if let Some(mean) = mean {
+        let (from, to) = (x(mean.value.min(0.0)), x(mean.value.max(0.0)));
+        d.bar((from, y - BAR / 2.0), (to - from, BAR), style::tint(look.colour, 0.75), look.hatch);
     }
-    for refit in rows.iter().filter(|r| r.arm == arm && r.seed.is_some()) {
-        d.mark((x(refit.value), y), 2.6, Mark::Circle, INK, Some(PAPER));
+    if let Some(value) = theirs {
+        published_sign(d, (x(value), y));
     }
-    d.text((WIDTH - MARGIN, baseline), fixed(mean.value, digits), Type::PLAIN.at(Anchor::End));
+    if let Some(mean) = mean.filter(|r| has_interval(r)) {
+        interval(d, (x(mean.ci_low), x(mean.ci_high)), y);
+    }
+    let refits: Vec<f64> = rows.iter().filter(|r| r.arm == arm && r.seed.is_some()).map(|r| x(r.value)).collect();
+    for (i, place) in refits.iter().enumerate() {
+        refit_sign(d, (*place, y + beside(i, refits.len())));
+    }
+    match mean {
+        Some(mean) => {
+            let number = fixed(mean.value, digits);
+            d.text((WIDTH - MARGIN, baseline), number, Type::PLAIN.at(Anchor::End));
+        }
+        None => d.text((WIDTH - MARGIN, baseline), "none", Type::NOTE.at(Anchor::End)),
+    }
 }
 
-fn entries(paper: bool) -> Vec<(&'static str, &'static Sign)> {
-    let interval: &Sign = &|d, (x, y)| {
-        d.line(&[(x - 6.0, y), (x + 6.0, y)], Stroke::solid(INK, 1.0));
-        for end in [x - 6.0, x + 6.0] {
-            d.line(&[(end, y - 2.4), (end, y + 2.4)], Stroke::solid(INK, 1.0));
-        }
-    };
-    let mut entries: Vec<(&'static str, &'static Sign)> =
-        vec![("interval", interval), ("refit", &|d, p| d.mark(p, 2.6, Mark::Circle, INK, Some(PAPER)))];
+/// How far from the middle of its bar the `i`-th of `n` refits stands, so that equal values are all seen.
+fn beside(i: usize, n: usize) -> f64 {
+    const SPREAD: f64 = 5.0;
+    if n < 2 { 0.0 } else { SPREAD * (i as f64 / (n - 1) as f64 - 0.5) }
+}
+
+fn interval(d: &mut Drawing, (from, to): (f64, f64), y: f64) {
+    d.line(&[(from, y), (to, y)], Stroke::solid(INK, 1.0));
+    for end in [from, to] {
+        d.line(&[(end, y - 2.4), (end, y + 2.4)], Stroke::solid(INK, 1.0));
+    }
+}
+
+fn refit_sign(d: &mut Drawing, at: Point) {
+    d.mark(at, 2.4, Mark::Circle, INK, Some(PAPER));
+}
+
+fn published_sign(d: &mut Drawing, at: Point) {
+    d.mark(at, 6.0, Mark::Diamond, INK, Some(PAPER));
+}
+
+fn entries(rows: &[&MetricRow], paper: bool) -> Vec<(&'static str, &'static Sign)> {
+    let mut entries: Vec<(&'static str, &'static Sign)> = Vec::new();
+    if rows.iter().any(|r| has_interval(r)) {
+        entries.push(("interval", &|d, (x, y)| interval(d, (x - 6.0, x + 6.0), y)));
+    }
+    if rows.iter().any(|r| r.seed.is_some()) {
+        entries.push(("refit", &refit_sign));
+    }
     if paper {
-        entries.push(("published", &|d, p| d.mark(p, 5.0, Mark::Diamond, INK, Some(PAPER))));
+        entries.push(("published", &published_sign));
     }
     entries
 }
@@ -192,23 +241,25 @@ pub fn reductions(run: &RunArtefacts, quantity: Quantity) -> (Drawing, String) {
         return (Drawing::sentence(&why), why);
     }
     let theirs = |m: Metric| if paper { published::value(quantity, m).map(|p| p.reduction) } else { None };
-    let group = if paper { 40.0 } else { 28.0 };
+    let group = if paper { 27.0 } else { 22.0 };
     let values = pairs.iter().flat_map(|(m, ours)| [Some(ours.max(FLOOR)), theirs(*m)]).flatten();
     let scale = Scale::from_zero(values.chain([100.0]));
     let panel = Panel {
-        at: (MARGIN, MARGIN),
-        size: (WIDTH - 2.0 * MARGIN - NUMBER, group * pairs.len() as f64),
+        at: (LEFT, MARGIN),
+        size: (WIDTH - LEFT - MARGIN - NUMBER, group * pairs.len() as f64),
         x: Scale::linear(scale.low, 100.0),
         y: Scale::linear(0.0, 1.0),
     };
     let mut d = Drawing::new();
-    let end = panel.horizontal(&mut d, &panel.x.ticks(5), "reduction from baseline to tuned (%)", true);
+    let end = panel.horizontal(&mut d, &panel.x.ticks(4), "reduction from baseline to tuned (%)", true);
     for (i, (metric, ours)) in pairs.iter().enumerate() {
-        let y = panel.at.1 + i as f64 * group;
-        d.text((panel.at.0 + 3.0, y + HEADING), metric_name(*metric), Type::BOLD);
-        reduction_bar(&mut d, &panel, y + 17.0, *ours, true);
-        if let Some(value) = theirs(*metric) {
-            reduction_bar(&mut d, &panel, y + 28.0, value, false);
+        let middle = panel.at.1 + (i as f64 + 0.5) * group;
+        row_name(&mut d, metric_name(*metric), middle);
+        let theirs = theirs(*metric);
+        let apart = if theirs.is_some() { 5.2 } else { 0.0 };
+        reduction_bar(&mut d, &panel, middle - apart, *ours, true);
+        if let Some(value) = theirs {
+            reduction_bar(&mut d, &panel, middle + apart, value, false);
         }
     }
     zero_line(&mut d, &panel);
@@ -220,11 +271,20 @@ pub fn reductions(run: &RunArtefacts, quantity: Quantity) -> (Drawing, String) {
 fn reductions_caption(quantity: Quantity, paper: bool) -> String {
     let ours = format!(
         "Reduction of each error metric of {} from the baseline arm to the tuned arm, 100·(1 − |tuned|/|baseline|) of the \
-         values in Figure {}; below zero the search made it worse, and bars end at −100 %.",
+         values in Figure {}; below zero the search made it worse. Bars are cut off at −100 %, with an arrow.",
         name(quantity),
         if quantity == Quantity::Xi { 12 } else { 14 }
     );
     if paper { format!("{ours} Open bars are the paper's.") } else { ours }
+}
+
+/// A name of up to two lines left of the plot, about `middle`.
+fn row_name(d: &mut Drawing, name: &str, middle: f64) {
+    let lines = text::wrap(name, LEFT - 7.0 - MARGIN, SMALL, false);
+    let first = middle + SMALL * 0.36 - (lines.len() - 1) as f64 * Type::PLAIN.line() / 2.0;
+    for (i, line) in lines.into_iter().enumerate() {
+        d.text((LEFT - 7.0, first + i as f64 * Type::PLAIN.line()), line, Type::PLAIN.at(Anchor::End));
+    }
 }
 
 /// Ratio of two rows of `metrics.json`, in percent; of absolute values, as the mean error has a sign.
@@ -240,7 +300,11 @@ fn reduction_bar(d: &mut Drawing, panel: &Panel, y: f64, value: f64, ours: bool)
     let (from, to) = (panel.point(shown.min(0.0), 0.0).0, panel.point(shown.max(0.0), 0.0).0);
     let fill = if ours { style::tint(BLUE, 0.75) } else { PAPER };
     let pen = Stroke::solid(if ours { BLUE } else { INK }, 0.8);
-    d.rect((from, y - 3.8), (to - from, 7.6), Some(fill), Some(pen));
+    d.rect((from, y - BAR / 2.0), (to - from, BAR), Some(fill), Some(pen));
+    if value < FLOOR {
+        let tip = vec![(from - 5.0, y), (from, y - BAR / 2.0), (from, y + BAR / 2.0)];
+        d.polygon(tip, Some(fill), Some(pen));
+    }
     let number = format!("{} %", fixed(value, 1));
     d.text((WIDTH - MARGIN, y + SMALL * 0.36), number, Type::PLAIN.at(Anchor::End));
 }

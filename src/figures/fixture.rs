@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 
 use serde_json::json;
 
-use crate::config::spec::Experiment;
+use super::Curve;
+use crate::config::spec::{Experiment, NetworkKind};
 use crate::dataset::Subset;
 use crate::evaluate::{Arm, Metric, MetricRow, Prediction, Quantity};
 use crate::search::TrialState;
@@ -53,6 +54,22 @@ pub(crate) fn run(trials: u32, layers: u32) -> RunArtefacts {
     }
 }
 
+/// Searches of `count` groups of five seeds over `trials` trials; their bands overlap.
+pub(crate) fn groups(count: u32, trials: u32) -> Vec<Curve> {
+    let mut noise = Noise(0x2545_F491_4F6C_DD1D);
+    let mut group = |k: u32| {
+        let mut best = [0.31, 0.27, 0.36].map(|v| v + 0.01 * f64::from(k));
+        let mut next = |n: u32| {
+            let fall = (0.06 + 0.02 * f64::from(k)) / f64::from(n + 2);
+            best = best.map(|v| if noise.next() < 0.4 { (v - fall * noise.next()).max(0.12) } else { v });
+            let [median, least, greatest] = best;
+            (n, [median.max(least), least, greatest.max(median)])
+        };
+        Curve { label: format!("group {k}"), runs: 5, points: (0..trials).map(&mut next).collect() }
+    };
+    (0..count).map(&mut group).collect()
+}
+
 /// A run that was stopped before anything was done.
 pub(crate) fn empty() -> RunArtefacts {
     RunArtefacts {
@@ -97,6 +114,89 @@ pub(crate) fn failed() -> RunArtefacts {
     )]
     .into();
     run.metrics.iter_mut().filter(|r| r.arm == Arm::Tuned).for_each(|r| r.value = f64::NAN);
+    run
+}
+
+/// A run whose estimator consists of two networks of `layers` hidden layers each.
+pub(crate) fn two_networks(layers: u32, kind: NetworkKind) -> RunArtefacts {
+    let mut run = run(10, layers);
+    run.experiment.network.kind = kind;
+    let (shared, single) = run.layers.split_at(3);
+    let (hidden, outputs) = single.split_at(layers as usize);
+    let of = |network: &str, layer: &LayerRow| LayerRow {
+        name: format!("{network} network: {}", layer.name),
+        ..layer.clone()
+    };
+    let mut rows = shared.to_vec();
+    for (network, output) in ["first", "second"].into_iter().zip(outputs) {
+        rows.extend(hidden.iter().chain([output]).map(|layer| of(network, layer)));
+    }
+    run.layers = rows;
+    run
+}
+
+/// A run in which every name is longer than its place.
+pub(crate) fn long_names() -> RunArtefacts {
+    let mut run = run(30, 3);
+    let long = |name: &str| format!("{name}_with_a_name_that_is_longer_than_any_column_of_a_journal_is_wide");
+    run.importance.iter_mut().for_each(|row| row.name = long(&row.name));
+    for layer in &mut run.layers {
+        layer.detail = format!("{}, {}", layer.detail, long("setting"));
+        layer.shape = "1,234,567 × 1,234,567 × 1,234,567".to_owned();
+        layer.parameters = 12_345_678_901;
+    }
+    run.layers[1].name = format!("{} (frozen)", long("inception"));
+    run.gallery.panorama = long("panorama");
+    run.experiment.backbone.taps = vec![long("tap"), long("tap")];
+    run.experiment.backbone.weights = long("weights");
+    run.flow.iter_mut().for_each(|step| {
+        step.what = format!("{} and {}", step.what, long("more"));
+        step.out = long("out");
+    });
+    run
+}
+
+/// A run without any spread: one test panorama, trials and refits of one value, one epoch each.
+pub(crate) fn all_the_same() -> RunArtefacts {
+    let mut run = run(30, 3);
+    for trial in &mut run.trials {
+        trial.value = trial.value.map(|_| 0.25);
+        trial.curve.truncate(1);
+        trial.curve.iter_mut().for_each(|r| r.objective = 0.25);
+        trial.best_epoch = trial.best_epoch.map(|_| 0);
+    }
+    for curve in run.refit_curves.values_mut().flatten() {
+        curve.truncate(1);
+        curve.iter_mut().for_each(|r| (r.train_loss, r.validation_loss) = (0.01, 0.01));
+    }
+    for row in &mut run.metrics {
+        row.value = if row.quantity == Quantity::Xi { 0.0 } else { 12.5 };
+        (row.ci_low, row.ci_high, row.n_panoramas) = (row.value, row.value, 1);
+    }
+    for prediction in run.predictions.values_mut().flatten().flatten() {
+        (prediction.f_true, prediction.f_pred, prediction.xi_true, prediction.xi_pred) = (275.0, 275.0, 0.0, 0.0);
+    }
+    run.importance.iter_mut().for_each(|row| (row.value, row.low, row.high) = (0.0, 0.0, 0.0));
+    run
+}
+
+/// A run whose tuned arm is far worse than its baseline, with values of very different size.
+pub(crate) fn far_apart() -> RunArtefacts {
+    let mut run = run(30, 3);
+    for row in run.metrics.iter_mut().filter(|r| r.arm == Arm::Tuned) {
+        let factor = if row.metric == Metric::MeanError { -1e3 } else { 40.0 };
+        (row.value, row.ci_low, row.ci_high) = (factor * row.value, factor * row.ci_low, factor * row.ci_high);
+    }
+    for (i, prediction) in run.predictions.values_mut().flatten().flatten().enumerate() {
+        prediction.f_pred *= if i % 50 == 0 { -200.0 } else { 1.0 };
+    }
+    for trial in run.trials.iter_mut().step_by(9) {
+        trial.value = trial.value.map(|v| 1e5 * v);
+        trial.curve.iter_mut().for_each(|r| r.objective *= 1e5);
+    }
+    for curve in run.refit_curves.values_mut().flatten() {
+        curve.iter_mut().step_by(7).for_each(|r| r.train_loss *= 1e-9);
+    }
     run
 }
 

@@ -2,11 +2,10 @@
 
 use super::axes::fixed;
 use super::drawing::{Drawing, Point, Type};
-use super::style::{BLUE, BOX, FROZEN, GREEN, MARGIN, MUTED, ORANGE, PAPER, SMALL, WIDTH, tint};
-use super::{history, network, text};
-use crate::config::spec::{PrunerKind, SamplerKind};
-use crate::search::TrialState;
-use crate::tables::artefacts::{FlowStep, RunArtefacts};
+use super::style::{BLUE, BOX, FROZEN, MARGIN, MUTED, PAPER, SMALL, WIDTH, tint};
+use super::{network, text};
+use crate::config::spec::{NetworkKind, PrunerKind, SamplerKind, Tune};
+use crate::tables::artefacts::{FlowStep, LayerRow, RunArtefacts};
 
 const PAD: f64 = 6.0;
 const GAP: f64 = 12.0;
@@ -67,7 +66,7 @@ fn study(d: &mut Drawing, run: &RunArtefacts, step: &FlowStep, y: f64) -> f64 {
     let left = MARGIN + PAD;
     let width = INNER - 2.0 * PAD - 16.0;
     let mut end = d.paragraph((left, y + PAD * 0.65 + SMALL), INNER - 2.0 * PAD, &step.stage, Type::BOLD);
-    end = d.paragraph((left, end), INNER - 2.0 * PAD, &step.what, Type::PLAIN) - SMALL + 1.0;
+    end = d.paragraph((left, end), INNER - 2.0 * PAD, &step.what, Type::PLAIN) - SMALL + 4.0;
     let mut tops = Vec::new();
     for (i, (title, line)) in loop_steps(run).into_iter().enumerate() {
         if i > 0 {
@@ -82,8 +81,8 @@ fn study(d: &mut Drawing, run: &RunArtefacts, step: &FlowStep, y: f64) -> f64 {
         d.arrow(&[(right, back), (turn, back), (turn, first + 9.0), (right, first + 9.0)], MUTED);
     }
     let out = d.paragraph((left, end + SMALL + 5.0), INNER - 2.0 * PAD, &arrow_text(&step.out), Type::PLAIN);
-    let height = out - SMALL + 2.0 - y;
-    d.card((MARGIN, y), (INNER, height), tint(ORANGE, 0.15));
+    let height = out - SMALL + 4.0 - y;
+    d.card((MARGIN, y), (INNER, height), tint(BLUE, 0.18));
     // The frame stands behind what it holds.
     if let Some(card) = d.shapes.pop() {
         d.shapes.insert(frame, card);
@@ -103,8 +102,6 @@ fn loop_steps(run: &RunArtefacts) -> Vec<(&'static str, String)> {
         SamplerKind::Nsga2 => "children of the best trials (NSGA-II)".to_owned(),
         SamplerKind::CmaEs => format!("CMA-ES; the first {} trials at random", search.sampler.startup_trials),
     };
-    let [complete, pruned, failed] =
-        [TrialState::Complete, TrialState::Pruned, TrialState::Fail].map(|s| history::count(&run.trials, s));
     let ends = match search.pruner.kind {
         PrunerKind::Median => "worse than the median at the same epoch: pruned",
         PrunerKind::Percentile => "worse than a percentile at the same epoch: pruned",
@@ -119,7 +116,7 @@ fn loop_steps(run: &RunArtefacts) -> Vec<(&'static str, String)> {
         ("propose hyper-parameters", sampler),
         ("train the head", format!("on train, at most {} epochs", fixed(f64::from(run.experiment.train.epochs), 0))),
         ("objective on validation, each epoch", ends.to_owned()),
-        ("trials", format!("{complete} complete, {pruned} pruned, {failed} failed of {}", search.trials)),
+        ("keep its best value", format!("until {} trials are over", fixed(f64::from(search.trials), 0))),
     ]
 }
 
@@ -138,7 +135,7 @@ pub fn activation(run: &RunArtefacts) -> (Drawing, String) {
     let range = |low: f64, high: f64, unit: &str| format!("{low} to {high}{unit}");
     let outputs = [
         ("focal length f", range(f.low, f.high, " px"), tint(BLUE, 0.18)),
-        ("distortion ξ", range(xi.low, xi.high, ""), tint(GREEN, 0.18)),
+        ("distortion ξ", range(xi.low, xi.high, ""), tint(BLUE, 0.18)),
     ];
     y = row(&mut d, &columns, half, y, outputs);
     let derived = [
@@ -190,18 +187,24 @@ fn image(d: &mut Drawing, run: &RunArtefacts, y: f64) -> f64 {
 fn stations(run: &RunArtefacts) -> Vec<(String, Vec<String>, [u8; 3])> {
     let backbone = &run.experiment.backbone;
     let side = backbone.input_px;
-    let trunk = run.layers.iter().skip(1).take_while(|l| !network::is_output(l)).find(|l| is_trunk(l));
+    let trunk = run.layers.iter().find(|l| is_trunk(l));
     let rings = match backbone.rings {
         0 => "pooled over the whole map".to_owned(),
         1 => "pooled over the whole map and 1 ring".to_owned(),
         n => format!("pooled over the whole map and {n} rings around the centre"),
     };
     let trunk_name = trunk.map_or_else(|| "backbone".to_owned(), |l| l.name.clone());
-    let trunk_lines = vec![format!("{} weights, {}", backbone.weights, backbone.tune)];
+    let (tuned, trunk_fill) = match backbone.tune {
+        Tune::Frozen => ("not trained".to_owned(), FROZEN),
+        Tune::Last(1) => ("last block trained".to_owned(), BOX),
+        Tune::Last(n) => (format!("last {n} blocks trained"), BOX),
+        Tune::Full => ("all trained".to_owned(), BOX),
+    };
+    let trunk_lines = vec![format!("{} weights, {tuned}", backbone.weights)];
     let (head_title, head_lines) = head(run);
     vec![
         resampling(run.experiment.dataset.image_px, side),
-        (trunk_name, trunk_lines, FROZEN),
+        (trunk_name, trunk_lines, trunk_fill),
         (format!("taps {}", backbone.taps.join(", ")), vec![rings], FROZEN),
         (head_title, head_lines, BOX),
     ]
@@ -219,24 +222,35 @@ fn resampling(view: u32, side: u32) -> (String, Vec<String>, [u8; 3]) {
     }
 }
 
-fn is_trunk(layer: &crate::tables::artefacts::LayerRow) -> bool {
+fn is_trunk(layer: &LayerRow) -> bool {
     ["inception", "resnet", "mobilenet"].iter().any(|name| layer.name.contains(name))
 }
 
-/// The trained layers between features and outputs.
+/// The trained layers between features and outputs; of two networks, which have layers alike, those of the first.
 fn head(run: &RunArtefacts) -> (String, Vec<String>) {
-    let hidden: Vec<_> = run.layers.iter().filter(|l| l.name.starts_with("dense")).collect();
-    let parameters: u64 =
-        run.layers.iter().filter(|l| l.name.starts_with("dense") || network::is_output(l)).map(|l| l.parameters).sum();
-    let sizes: Vec<&str> = hidden.iter().map(|l| l.shape.as_str()).collect();
-    let title = match hidden.len() {
-        0 => "head".to_owned(),
-        1 => "head of 1 hidden layer".to_owned(),
-        n => format!("head of {n} hidden layers"),
+    let networks = network::networks(&run.layers);
+    let layers: Vec<&LayerRow> = match networks.first() {
+        Some(first) => first.layers.clone(),
+        None => run.layers.iter().collect(),
     };
+    let sizes: Vec<&str> = layers.iter().filter(|l| network::is_hidden(l)).map(|l| l.shape.as_str()).collect();
+    let heads = match networks.len() {
+        0 | 1 => "head".to_owned(),
+        n => format!("{n} heads"),
+    };
+    let title = match sizes.len() {
+        0 => heads,
+        1 => format!("{heads} of 1 hidden layer"),
+        n => format!("{heads} of {n} hidden layers"),
+    } + if networks.len() > 1 { " each" } else { "" };
+    let trained = run.layers.iter().filter(|l| network::is_hidden(l) || network::is_output(l));
+    let parameters: u64 = trained.map(|l| l.parameters).sum();
     let mut lines = Vec::new();
     if !sizes.is_empty() {
         lines.push(format!("sizes {}", sizes.join(" → ")));
+    }
+    if run.experiment.network.kind == NetworkKind::SeqNet {
+        lines.push("the second is also given the first one's output".to_owned());
     }
     if parameters > 0 {
         lines.push(format!("{} trained parameters", fixed(parameters as f64, 0)));

@@ -1,6 +1,6 @@
 //! Figures 3 and 4: a panorama with views generated from it, and views of the dataset.
 
-use super::axes::{fixed, short};
+use super::axes::{fixed, letter, short};
 use super::drawing::{Anchor, Drawing, Stroke, Type};
 use super::style::{FROZEN, MARGIN, MUTED, SMALL, WIDTH};
 use super::text;
@@ -29,8 +29,8 @@ pub fn grid(run: &RunArtefacts) -> (Drawing, String) {
         d.end_at(y + SMALL + 4.0);
         return (d, "The input panorama.".to_owned());
     }
-    d.arrow(&[(WIDTH / 2.0, y + 3.0), (WIDTH / 2.0, y + 15.0)], MUTED);
-    y += 26.0;
+    y += SMALL + 8.0;
+    d.text((MARGIN, y), format!("{} views", letter(1)), Type::PLAIN);
     let side = ((INNER - SIDE - GAP * (columns.len() - 1) as f64) / columns.len() as f64).min(72.0);
     let left = MARGIN + SIDE;
     for (i, f) in columns.iter().enumerate() {
@@ -55,7 +55,7 @@ pub fn grid(run: &RunArtefacts) -> (Drawing, String) {
 
 fn grid_caption(gallery: &Gallery) -> String {
     format!(
-        "The panorama {} and views generated from it with the unified spherical model: focal length f rises to the right, \
+        "(a) The panorama {} and (b) views generated from it with the unified spherical model: focal length f rises to the right, \
          distortion ξ downwards, the pose is the same. A cell without a picture is a camera whose image would not be valid \
          everywhere.",
         gallery.panorama
@@ -75,7 +75,7 @@ fn column_name(f: f64, index: usize, side: f64) -> String {
 fn panorama(d: &mut Drawing, gallery: &Gallery) -> f64 {
     let image = &gallery.panorama_image;
     let height = if image.width > 0 { INNER * f64::from(image.height) / f64::from(image.width) } else { INNER / 2.0 };
-    let name = text::shorten(&format!("panorama {}", gallery.panorama), INNER, SMALL, false);
+    let name = text::shorten(&format!("{} panorama {}", letter(0), gallery.panorama), INNER, SMALL, false);
     d.text((MARGIN, MARGIN + SMALL), name, Type::PLAIN);
     let top = MARGIN + SMALL + 4.0;
     d.picture((MARGIN, top), (INNER, height.clamp(20.0, INNER)), image);

@@ -1,12 +1,13 @@
 //! Figure 10: value of each trial and the best so far.
 
-use super::axes::{Panel, Scale, Sign, legend, short};
+use super::axes::{Panel, Scale, Sign, legend, room_for_numbers, short};
 use super::drawing::{Drawing, Point, Stroke, Type};
 use super::style::{BEST, BLUE, MARGIN, Mark, SLATE, WIDTH};
 use crate::search::{Direction, TrialState};
 use crate::tables::artefacts::{RunArtefacts, TrialArtefact};
 
-const LEFT: f64 = 38.0;
+/// Height of the plot.
+const HEIGHT: f64 = 120.0;
 
 /// Optimisation history: complete trials, the best so far in red, pruned and failed trials marked.
 pub fn draw(run: &RunArtefacts) -> (Drawing, String) {
@@ -30,8 +31,9 @@ pub fn draw(run: &RunArtefacts) -> (Drawing, String) {
     let end = panel.horizontal(&mut d, &ticks(&numbers), "trial", false);
     let values: Vec<(u32, Option<f64>)> = trials.iter().map(|t| (t.number, complete_value(t))).collect();
     panel.curve(&mut d, &best_line(&values, Direction::Minimize), Stroke::solid(BEST, 1.6));
+    let size = sign_size(trials.len());
     for trial in trials {
-        mark(&mut d, &panel, trial);
+        mark(&mut d, &panel, trial, size);
     }
     let signs = entries(|state| count(trials, state) > 0);
     let end = legend(&mut d, (MARGIN, end + 13.0), WIDTH - 2.0 * MARGIN, &signs);
@@ -71,11 +73,13 @@ fn panel(trials: &[TrialArtefact]) -> Panel {
     let pruned = trials.iter().filter(|t| t.state == TrialState::Pruned).filter_map(last_value);
     let shown = pruned.filter(|v| complete.is_empty() || *v <= ceiling);
     let (first, last) = trials.iter().fold((u32::MAX, 0), |(a, b), t| (a.min(t.number), b.max(t.number)));
+    let y = Scale::around(complete.iter().copied().chain(shown));
+    let left = room_for_numbers(&y, HEIGHT);
     Panel {
-        at: (LEFT, 22.0),
-        size: (WIDTH - LEFT - MARGIN - 2.0, 120.0),
+        at: (left, 22.0),
+        size: (WIDTH - left - MARGIN - 2.0, HEIGHT),
         x: Scale::linear(f64::from(first) - 0.6, f64::from(last) + 0.6),
-        y: Scale::around(complete.iter().copied().chain(shown)),
+        y,
     }
 }
 
@@ -109,12 +113,18 @@ pub fn sign(d: &mut Drawing, at: Point, size: f64, state: TrialState) {
     match state {
         TrialState::Complete => d.mark(at, size, Mark::Circle, BLUE, Some(BLUE)),
         TrialState::Pruned => d.mark(at, size, Mark::Triangle, SLATE, Some([255; 3])),
-        TrialState::Fail => d.mark(at, size, Mark::Cross, SLATE, None),
+        // Small crosses would be blots.
+        TrialState::Fail => d.mark(at, size.max(2.8), Mark::Cross, SLATE, None),
         TrialState::Running | TrialState::Waiting => {}
     }
 }
 
-fn mark(d: &mut Drawing, panel: &Panel, trial: &TrialArtefact) {
+/// Size of the sign of one of so many trials, points.
+pub fn sign_size(trials: usize) -> f64 {
+    (30.0 / (trials.max(1) as f64).sqrt()).clamp(1.8, 4.6)
+}
+
+fn mark(d: &mut Drawing, panel: &Panel, trial: &TrialArtefact, size: f64) {
     let value = match trial.state {
         TrialState::Complete if complete_value(trial).is_none() => return,
         TrialState::Complete => complete_value(trial),
@@ -122,7 +132,7 @@ fn mark(d: &mut Drawing, panel: &Panel, trial: &TrialArtefact) {
         _ => None,
     };
     let (x, y) = panel.point(f64::from(trial.number), value.unwrap_or(panel.y.high));
-    sign(d, (x, y.max(panel.at.1 + 4.0)), 4.6, trial.state);
+    sign(d, (x, y.max(panel.at.1 + 4.0)), size, trial.state);
 }
 
 /// Legend of the states that `has` finds among the trials.

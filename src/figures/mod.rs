@@ -26,6 +26,8 @@ mod text;
 #[cfg(test)]
 pub(crate) mod fixture;
 #[cfg(test)]
+pub(crate) mod legible;
+#[cfg(test)]
 mod tests;
 
 pub use compared::{Curve, search_curves};

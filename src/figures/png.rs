@@ -30,6 +30,7 @@ pub fn render(drawing: &Drawing) -> Result<Vec<u8>, Error> {
         match shape {
             Shape::Text { .. } => set(&mut canvas, shape),
             Shape::Picture { at, size, picture } => paste(&mut canvas, *at, *size, picture)?,
+            Shape::Veil { points, colour, opacity } => veil(&mut canvas, points, *colour, *opacity)?,
             _ => paint(&mut canvas, shape)?,
         }
     }
@@ -110,6 +111,19 @@ fn set(canvas: &mut RgbImage, shape: &Shape) {
     });
 }
 
+/// Paints a polygon onto a copy and mixes the two, so that no pixel is mixed twice.
+fn veil(canvas: &mut RgbImage, points: &[Point], colour: Colour, opacity: f64) -> Result<(), Error> {
+    let mut covered = canvas.clone();
+    let size = covered.dimensions();
+    polygon(&mut BitMapBackend::with_buffer(&mut covered, size), points, colour)?;
+    for (below, above) in canvas.iter_mut().zip(covered.iter()) {
+        if below != above {
+            *below = (f64::from(*below) * (1.0 - opacity) + f64::from(*above) * opacity).round() as u8;
+        }
+    }
+    Ok(())
+}
+
 /// Paints lines and areas.
 fn paint(canvas: &mut RgbImage, shape: &Shape) -> Result<(), Error> {
     let size = canvas.dimensions();
@@ -118,7 +132,7 @@ fn paint(canvas: &mut RgbImage, shape: &Shape) -> Result<(), Error> {
         Shape::Line { points, stroke } => lines(&mut backend, points, *stroke),
         Shape::Polygon { points, fill, stroke } => area(&mut backend, points, *fill, *stroke),
         Shape::Circle { centre, radius, fill, stroke } => area(&mut backend, &ring(*centre, *radius), *fill, *stroke),
-        Shape::Text { .. } | Shape::Picture { .. } => Ok(()),
+        Shape::Text { .. } | Shape::Picture { .. } | Shape::Veil { .. } => Ok(()),
     }
 }
 
@@ -240,6 +254,18 @@ mod tests {
         assert!((dark / (SCALE * SCALE) - 120.0).abs() < 6.0, "{dark}");
         assert_eq!(image.get_pixel(80, 28).0, INK);
         assert_eq!(image.get_pixel(32, 28).0, PAPER);
+    }
+
+    #[test]
+    fn a_veil_mixes_with_what_lies_behind_it() {
+        let mut d = Drawing::new();
+        d.rect((10.0, 2.0), (20.0, 8.0), Some([100, 200, 50]), None);
+        let corners = vec![(20.0, 2.0), (40.0, 2.0), (40.0, 10.0), (20.0, 10.0)];
+        d.veil(corners, [0, 0, 0], 0.25);
+        d.end_at(10.0);
+        let image = image::load_from_memory(&render(&d).unwrap()).unwrap().to_rgb8();
+        let at = |x: f64| image.get_pixel((x * SCALE) as u32, 24).0;
+        assert_eq!([at(15.0), at(25.0), at(35.0)], [[100, 200, 50], [75, 150, 38], [191, 191, 191]]);
     }
 
     #[test]

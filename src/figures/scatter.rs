@@ -1,6 +1,6 @@
 //! Predicted against true labels on the test subset.
 
-use super::axes::{Panel, Scale, Sign, extent, fixed, legend};
+use super::axes::{Panel, Scale, Sign, extent, fixed, legend, letter, room_for_numbers};
 use super::drawing::{Drawing, Stroke, Type};
 use super::style::{self, HEADING, INK, MARGIN, SLATE, WIDTH, tint};
 use crate::dataset::Subset;
@@ -10,8 +10,10 @@ use crate::tables::artefacts::RunArtefacts;
 const ARMS: [Arm; 2] = [Arm::Baseline, Arm::Tuned];
 /// Points shown in a panel; of more, every n-th.
 const SHOWN: usize = 800;
-const LEFT: f64 = 30.0;
-const GAP: f64 = 10.0;
+/// Room between the plots: numbers at their ends do not meet.
+const GAP: f64 = 20.0;
+/// About the height of a plot.
+const HEIGHT: f64 = 90.0;
 
 /// One panel an arm: the first refit's estimates, the identity, and what predict-the-mean says.
 pub fn draw(run: &RunArtefacts, quantity: Quantity) -> (Drawing, String) {
@@ -26,14 +28,18 @@ pub fn draw(run: &RunArtefacts, quantity: Quantity) -> (Drawing, String) {
         return (Drawing::sentence(&why), why);
     }
     let mean = points(run, Arm::PredictMean, quantity).first().map(|p| p.1);
-    let side = (WIDTH - LEFT - MARGIN - 4.0 - GAP) / 2.0;
-    let scale = Scale::around(found.iter().flat_map(|(_, p)| p.iter().flat_map(|(t, e)| [*t, *e])));
+    let values = found.iter().flat_map(|(_, p)| p.iter().flat_map(|(t, e)| [*t, *e]));
+    let scale = Scale::around(values.chain(mean));
+    let left = room_for_numbers(&scale, HEIGHT);
+    let side = (WIDTH - left - MARGIN - 4.0 - GAP) / 2.0;
     let mut d = Drawing::new();
     let mut end = 0.0f64;
     for (i, (arm, points)) in found.iter().enumerate() {
-        let at = (LEFT + i as f64 * (side + GAP), 34.0);
+        let at = (left + i as f64 * (side + GAP), 34.0);
         let panel = Panel { at, size: (side, side), x: scale, y: scale };
         end = end.max(frame(&mut d, &panel, i == 0, name));
+        let heading = format!("{} {}", letter(i), style::arm(*arm).name);
+        d.text((at.0, at.1 - 20.0), heading, Type::BOLD.sized(HEADING));
         scatter(&mut d, &panel, *arm, points, mean);
     }
     let end = legend(&mut d, (MARGIN, end + 13.0), WIDTH - 2.0 * MARGIN, &entries(mean.is_some()));
@@ -79,7 +85,6 @@ fn frame(d: &mut Drawing, panel: &Panel, first: bool, name: &str) -> f64 {
 
 fn scatter(d: &mut Drawing, panel: &Panel, arm: Arm, points: &[(f64, f64)], mean: Option<f64>) {
     let look = style::arm(arm);
-    d.text((panel.at.0, panel.at.1 - 20.0), look.name, Type::BOLD.sized(HEADING).coloured(INK));
     let (low, high) = extent([panel.x.low, panel.x.high]);
     let every = points.len().div_ceil(SHOWN).max(1);
     for (truth, estimate) in points.iter().step_by(every) {

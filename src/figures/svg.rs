@@ -36,6 +36,10 @@ fn draw(out: &mut String, shape: &Shape) -> Result<(), Error> {
         Shape::Polygon { points, fill, stroke } => {
             writeln!(out, "<polygon points=\"{}\" fill=\"{}\"{}/>", list(points), paint(*fill), pen(*stroke))
         }
+        Shape::Veil { points, colour, opacity } => {
+            let (points, fill, opacity) = (list(points), hex(*colour), number(*opacity));
+            writeln!(out, "<polygon points=\"{points}\" fill=\"{fill}\" fill-opacity=\"{opacity}\"/>")
+        }
         Shape::Circle { centre: (x, y), radius, fill, stroke } => {
             let (x, y, r) = (number(*x), number(*y), number(*radius));
             writeln!(out, "<circle cx=\"{x}\" cy=\"{y}\" r=\"{r}\" fill=\"{}\"{}/>", paint(*fill), pen(*stroke))

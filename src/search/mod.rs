@@ -103,7 +103,7 @@ pub use grid::GridSampler;
 pub use groups::SubSpace;
 pub use halton::QuasiRandomSampler;
 pub use history::{History, Past};
-pub use importance::{Importance, importance};
+pub use importance::{Importance, STABLE_IMPORTANCE, importance};
 pub use nsga2::{Nsga2, Nsga2Options};
 pub use pruner::Pruner;
 pub use random::RandomSampler;

@@ -8,13 +8,10 @@ use crate::config::spec::{Experiment, LayerSpec, NetworkSpec, PanoramaSource, Pr
 use crate::dataset::{Dataset, Subset};
 use crate::network::Part;
 use crate::panorama::Catalogue;
-use crate::search::TrialState;
+use crate::search::{STABLE_IMPORTANCE, TrialState};
 use crate::store::RunFolder;
 use crate::tables::artefacts::{FlowStep, LayerRow, TrialArtefact};
 use crate::tables::{write_flow, write_layers, write_warnings};
-
-/// Under this number of finished trials the ranking of an importance is not stable.
-const STABLE_IMPORTANCE: usize = 30;
 
 /// What the description is made from.
 pub(super) struct Subject<'a> {
@@ -45,10 +42,10 @@ fn warnings(subject: &Subject<'_>) -> Vec<String> {
                 .to_owned(),
         );
     }
-    let finished = subject.trials.iter().filter(|t| t.state == TrialState::Complete).count();
-    if finished < STABLE_IMPORTANCE {
+    let complete = subject.trials.iter().filter(|t| t.state == TrialState::Complete).count();
+    if complete < STABLE_IMPORTANCE {
         warnings.push(format!(
-            "Importance rests on {finished} complete trials; under {STABLE_IMPORTANCE} its ranking is not stable."
+            "Importance rests on {complete} complete trials; under {STABLE_IMPORTANCE} its ranking is not stable."
         ));
     }
     warnings.extend(failed(subject.trials));
@@ -107,7 +104,7 @@ fn flow(subject: &Subject<'_>) -> Vec<FlowStep> {
         step(
             "evaluation",
             "MAE, MSE, mean error, SDE with intervals; controls".to_owned(),
-            format!("{} test views of {} panoramas", count(Subset::Test), test_panoramas.len()),
+            format!("{} test views of {}", count(Subset::Test), counted(test_panoramas.len() as u64, "panorama")),
         ),
     ];
     if subject.inputs.has_components() {
@@ -164,7 +161,7 @@ fn layers(subject: &Subject<'_>) -> Vec<LayerRow> {
         row(
             "features".to_owned(),
             thousands(subject.inputs.all_features as u64),
-            format!("mean of the map and of {} rings", spec.backbone.rings),
+            format!("mean of the map and of {}", counted(spec.backbone.rings.into(), "ring")),
             0,
         ),
     ];
@@ -201,6 +198,11 @@ fn text<T: serde::Serialize>(value: &T) -> String {
         Ok(Value::String(text)) => text,
         other => other.map(|v| v.to_string()).unwrap_or_default(),
     }
+}
+
+/// `1 ring`, `3 rings`.
+fn counted(n: u64, what: &str) -> String {
+    format!("{} {what}{}", thousands(n), if n == 1 { "" } else { "s" })
 }
 
 /// 12345 as `12,345`.

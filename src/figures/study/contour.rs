@@ -33,7 +33,7 @@ pub fn draw(rows: &Rows, options: &Options) -> Result<(Drawing, String), PlotErr
     for i in 0..pairs.len() {
         let panel = panel(&layout, &pairs, i);
         surface(&mut d, &panel, pairs[i], rows, &scale);
-        frame(&mut d, &panel, pairs[i], layout.left, false);
+        frame(&mut d, &panel, pairs[i], &layout, (i, false));
         points(&mut d, &panel, pairs[i], rows, every);
     }
     let end = colour_bar(&mut d, layout.end(), &rows.axis_title(), &scale, |share| colour(rows.direction, share));

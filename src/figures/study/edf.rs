@@ -4,25 +4,15 @@ use super::panels::{INNER, finish, number_room, number_ticks};
 use super::rows::{Rows, plural};
 use super::{Options, PlotError, StudyPlot};
 use crate::figures::axes::{Panel, Scale, Sign, legend};
-use crate::figures::drawing::{Drawing, Stroke};
-use crate::figures::style::{BEST, BLUE, GREEN, INK, MARGIN, ORANGE, SLATE, SMALL, WIDTH};
+use crate::figures::drawing::{Drawing, SERIES, Stroke};
+use crate::figures::style::{MARGIN, SMALL, WIDTH};
 use crate::figures::text;
 use crate::search::Direction;
-
-/// Lines tell studies apart by colour and by dash.
-const LOOKS: [Stroke; 6] = [
-    Stroke { colour: BLUE, width: 1.4, dash: None },
-    Stroke { colour: BEST, width: 1.4, dash: Some((5.0, 2.0)) },
-    Stroke { colour: GREEN, width: 1.4, dash: Some((1.6, 1.4)) },
-    Stroke { colour: INK, width: 0.9, dash: None },
-    Stroke { colour: ORANGE, width: 1.6, dash: Some((8.0, 2.5)) },
-    Stroke { colour: SLATE, width: 1.1, dash: Some((3.0, 3.0)) },
-];
 
 /// A step function a study.
 pub fn draw(rows: &Rows, options: &Options) -> Result<(Drawing, String), PlotError> {
     let all = studies(rows, options)?;
-    let shown = &all[..all.len().min(LOOKS.len())];
+    let shown = &all[..all.len().min(SERIES.len())];
     let curves: Vec<Vec<f64>> = shown.iter().map(sorted_values).collect();
     if curves.iter().all(Vec::is_empty) {
         let what = "with a finite value".into();
@@ -36,7 +26,7 @@ pub fn draw(rows: &Rows, options: &Options) -> Result<(Drawing, String), PlotErr
     panel.vertical(&mut d, "share of trials with at most this value");
     let title = text::shorten(&rows.axis_title(), panel.size.0, SMALL, false);
     let end = panel.horizontal(&mut d, &number_ticks(&panel.x, 5), &title, true);
-    for (values, look) in curves.iter().zip(LOOKS) {
+    for (values, look) in curves.iter().zip(SERIES) {
         panel.curve(&mut d, &steps(values, &scale), look);
     }
     let end = study_legend(&mut d, end + 13.0, shown, &curves);
@@ -101,7 +91,7 @@ fn study_legend(d: &mut Drawing, top: f64, shown: &[Rows], curves: &[Vec<f64>]) 
         text::shorten(&rows.study.name, room, SMALL, false) + &count
     };
     let names: Vec<String> = shown.iter().zip(curves).map(name).collect();
-    let signs: Vec<Box<Sign>> = LOOKS.iter().take(names.len()).map(|look| line_sign(*look)).collect();
+    let signs: Vec<Box<Sign>> = SERIES.iter().take(names.len()).map(|look| line_sign(*look)).collect();
     let entries: Vec<(&str, &Sign)> = names.iter().map(String::as_str).zip(signs.iter().map(Box::as_ref)).collect();
     legend(d, (MARGIN, top), INNER, &entries)
 }

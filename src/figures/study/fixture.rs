@@ -185,3 +185,16 @@ pub(crate) fn awkward() -> StoredStudy {
     }
     study
 }
+
+/// A study of which every trial has the same parameters and the same value.
+pub(crate) fn all_the_same() -> StoredStudy {
+    let mut study = study(40, 9, 2);
+    let params = study.trials[0].params.clone();
+    for trial in &mut study.trials {
+        trial.params = params.clone();
+        trial.state = TrialState::Complete;
+        trial.values = Some(vec![0.25, 7.0]);
+        trial.intermediate.values_mut().for_each(|v| *v = 0.25);
+    }
+    study
+}

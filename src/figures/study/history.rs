@@ -5,7 +5,7 @@ use super::panels::{INNER, finish, infeasible_sign, number_room, numbers_upward}
 use super::rows::{Row, Rows, beyond, plural, within};
 use crate::figures::axes::{Panel, Scale, Sign, legend};
 use crate::figures::drawing::{Drawing, Point, Stroke, Type};
-use crate::figures::history::{best_line, entries, sign, ticks};
+use crate::figures::history::{best_line, entries, sign, sign_size, ticks};
 use crate::figures::style::{BEST, BLUE, MARGIN, Mark, PAPER, SMALL, WIDTH};
 use crate::figures::text;
 use crate::search::{Direction, TrialState};
@@ -22,7 +22,7 @@ pub fn draw(rows: &Rows) -> Result<(Drawing, String), PlotError> {
     numbers_upward(&mut d, &panel, panel.at.0 - MARGIN);
     let numbers: Vec<u32> = rows.all.iter().map(|row| row.trial.number).collect();
     let end = panel.horizontal(&mut d, &ticks(&numbers), "trial", false);
-    let size = (30.0 / (numbers.len() as f64).sqrt()).clamp(1.8, 4.6);
+    let size = sign_size(numbers.len());
     for row in by_weight(rows) {
         mark(&mut d, &panel, rows, row, size);
     }
@@ -98,8 +98,6 @@ fn mark(d: &mut Drawing, panel: &Panel, rows: &Rows, row: &Row, size: f64) {
     } else if row.value.is_some_and(|v| beyond(&panel.y, v)) {
         d.mark(at, size, Mark::Circle, BLUE, Some(PAPER));
     } else {
-        // Small crosses would be blots.
-        let failed = row.trial.state == TrialState::Fail;
-        sign(d, at, if failed { size.max(2.8) } else { size }, row.trial.state);
+        sign(d, at, size, row.trial.state);
     }
 }

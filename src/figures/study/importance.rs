@@ -29,7 +29,7 @@ pub fn draw(rows: &Rows, options: &Options) -> Result<(Drawing, String), PlotErr
         let why = "None of the chosen parameters has an importance: they do not vary among the finished trials.";
         return Ok((Drawing::sentence(why), why.to_owned()));
     }
-    let (drawing, caption) = chart(&bars, rows.finished());
+    let (drawing, caption) = chart(&bars, rows.scored().count());
     Ok((drawing, format!("{caption} The values are those of {}.{}", rows.name(), rows.note_left_out())))
 }
 

@@ -72,12 +72,13 @@ pub fn panel(layout: &Layout, pairs: &[Pair], i: usize) -> Panel {
     Panel { at, size, x: x.scale, y: y.scale }
 }
 
-/// Ticks and names of a panel; the grid only where no surface covers it.
-pub fn frame(d: &mut Drawing, panel: &Panel, (x, y): Pair, left: f64, grid: bool) {
+/// Ticks and names of the `i`-th panel; the grid only where no surface covers it.
+pub fn frame(d: &mut Drawing, panel: &Panel, (x, y): Pair, layout: &Layout, (i, grid): (usize, bool)) {
+    let left = layout.left;
     upward(d, panel, y, left, grid);
     across(d, panel, x, grid);
     borders(d, panel);
-    heading(d, panel, panel.at.0 - left, &y.name);
+    heading(d, panel, panel.at.0 - left, &layout.named(i, &y.name));
     let rows = label_rows(x, panel.size.0) as f64;
     let at = (panel.at.0 + panel.size.0, panel.at.1 + panel.size.1 + (rows + 1.0) * LABELS);
     d.text(at, text::shorten_middle(&x.name, panel.size.0 + left, SMALL, true), Type::BOLD.at(Anchor::End));

@@ -1,7 +1,7 @@
 //! Small panels: their frames, ticks of parameters, colour bars and signs.
 
 use super::parameters::Axis;
-use crate::figures::axes::{Panel, Scale, short};
+use crate::figures::axes::{Panel, Scale, letter, short, written};
 use crate::figures::drawing::{Anchor, Drawing, Point, Shape, Stroke, Type};
 use crate::figures::style::{BEST, GRID, INK, MARGIN, MUTED, Mark, PAPER, SLATE, SMALL, WIDTH, ramp, tint};
 use crate::figures::text;
@@ -42,6 +42,11 @@ impl Layout {
         let room = |row: &[f64]| row.iter().copied().fold(1.0, f64::max) * LABELS + more;
         self.below = rows.chunks(self.columns()).map(room).collect();
         self
+    }
+
+    /// The heading of the `i`-th panel: what it shows, after its letter if there are several.
+    pub fn named(&self, i: usize, what: &str) -> String {
+        if self.count > 1 { format!("{} {what}", letter(i)) } else { what.to_owned() }
     }
 
     fn columns(&self) -> usize {
@@ -136,12 +141,12 @@ fn decades(scale: &Scale, count: usize) -> Option<Vec<(f64, String)>> {
     }
     let step = (last - first).unsigned_abs().div_ceil(count.max(2) as u32 - 1) as usize;
     let power = |e: i32| libm::pow(10.0, f64::from(e));
-    Some((first..=last).step_by(step).map(power).map(|v| (v, short(v))).collect())
+    Some(written((first..=last).step_by(step).map(power).collect()))
 }
 
 /// Labels under their places, leaving out those that would cover the one before.
 pub fn number_labels(d: &mut Drawing, panel: &Panel, baseline: f64, places: &[(f64, String)]) {
-    let (mut free_from, limit) = (panel.at.0 - 7.0, (panel.at.0 + panel.size.0 + 5.0).min(d.width - 1.0));
+    let (mut free_from, limit) = (panel.at.0 - 7.0, (panel.at.0 + panel.size.0 + 4.0).min(d.width - 1.0));
     for (x, label) in places {
         let half = Type::PLAIN.width(label) / 2.0;
         let x = x.max(panel.at.0 - 7.0 + half).min(limit - half);
@@ -156,13 +161,15 @@ pub fn number_labels(d: &mut Drawing, panel: &Panel, baseline: f64, places: &[(f
 fn choice_labels(d: &mut Drawing, panel: &Panel, places: &[(f64, String)], rows: usize) {
     let cell = panel.size.0 / places.len().max(1) as f64;
     let widest = places.iter().map(|(_, label)| Type::PLAIN.width(label)).fold(0.0, f64::max);
-    let every = ((widest.min(20.0) + 3.0) / (rows as f64 * cell)).ceil().max(1.0) as usize;
-    let room = (rows * every) as f64 * cell - 3.0;
+    let every = ((widest.min(28.0) + 4.0) / (rows as f64 * cell)).ceil().max(1.0) as usize;
+    let apart = (rows * every) as f64 * cell;
+    // The first and the last may be moved into the panel, towards their neighbours.
+    let room = (apart - 4.0).min((apart + cell / 2.0 + 3.0) / 1.5);
     for (i, (x, label)) in places.iter().step_by(every).enumerate() {
         let label = text::shorten_middle(label, room, SMALL, false);
         let half = Type::PLAIN.width(&label) / 2.0;
         let baseline = panel.at.1 + panel.size.1 + LABELS + (i % rows) as f64 * (LABELS - 0.5);
-        let x = x.min(panel.at.0 + panel.size.0 + 5.0 - half).max(panel.at.0 - 6.0 + half);
+        let x = x.min(panel.at.0 + panel.size.0 + 4.0 - half).max(panel.at.0 - 5.0 + half);
         d.text((x, baseline), label, Type::PLAIN.at(Anchor::Middle));
     }
 }

@@ -234,10 +234,10 @@ mod tests {
         assert_eq!(labels(&int(1, 4, false)), ["1", "2", "3", "4"]);
         assert_eq!(labels(&int(7, 7, false)), ["7"]);
         assert_eq!(labels(&int(16, 2048, true)), ["100", "1,000"]);
-        assert_eq!(labels(&int(16, 64, true)), ["20", "50"]);
+        assert_eq!(labels(&int(16, 64, true)), ["20", "30", "50"]);
         assert_eq!(labels(&int(1, 2, true)), ["1", "2"]);
         let float = axis(Distribution::float(1e-5, 1e-1, true, None).unwrap());
-        assert_eq!(labels(&float), ["10⁻⁵", "0.0001", "0.001", "0.01", "0.1"]);
+        assert_eq!(labels(&float), ["10⁻⁵", "10⁻⁴", "10⁻³", "10⁻²", "10⁻¹"]);
         let choice = axis(Distribution::categorical(vec!["adam".into(), true.into(), 3.into()]).unwrap());
         assert_eq!(labels(&choice), ["adam", "true", "3"]);
         assert!(axis(Distribution::float(0.25, 0.25, false, None).unwrap()).ticks(4).len() >= 2);

@@ -51,7 +51,12 @@ pub fn draw(study: &StoredStudy) -> Result<(Drawing, String), PlotError> {
     for (i, (x, y)) in pairs.iter().copied().enumerate() {
         let (at, size) = layout.cell(i);
         let panel = Panel { at, size, x: scales[x], y: scales[y] };
-        frame(&mut d, &panel, &objectives, (x, y), layout.left);
+        let title_of = |k| title(&objectives[k], k, size.0 + layout.left - 14.0);
+        let above = layout.named(i, &title_of(y));
+        d.text((at.0 - layout.left, at.1 - 4.0), above, Type::PLAIN);
+        let below = (at.0 + size.0, at.1 + size.1 + 2.0 * LABELS);
+        d.text(below, title_of(x), Type::PLAIN.at(Anchor::End));
+        frame(&mut d, &panel, layout.left);
         points(&mut d, &panel, &all, (x, y));
     }
     let end = legend(&mut d, (MARGIN, layout.end() + 6.0), INNER, &entries(&all));
@@ -126,7 +131,7 @@ fn layout(pairs: usize, scales: &[Scale]) -> Layout {
     Layout { left, both: true, height, top: MARGIN, count: pairs, below }
 }
 
-fn frame(d: &mut Drawing, panel: &Panel, objectives: &[Rows], (x, y): (usize, usize), left: f64) {
+fn frame(d: &mut Drawing, panel: &Panel, left: f64) {
     let bottom = panel.at.1 + panel.size.1;
     numbers_upward(d, panel, left);
     let ticks = number_ticks(&panel.x, ((panel.size.0 / 30.0) as usize).clamp(2, 6));
@@ -137,17 +142,14 @@ fn frame(d: &mut Drawing, panel: &Panel, objectives: &[Rows], (x, y): (usize, us
     }
     number_labels(d, panel, bottom + LABELS, &places);
     borders(d, panel);
-    let room = panel.size.0 + left;
-    let title = |k: usize| {
-        let way =
-            if objectives[k].direction == Direction::Minimize { " (less is better)" } else { " (more is better)" };
-        let name = objective_name(objectives[k].study, k);
-        let long = format!("{name}{way}");
-        if Type::PLAIN.width(&long) <= room { long } else { text::shorten(&name, room, SMALL, false) }
-    };
-    d.text((panel.at.0 - left, panel.at.1 - 4.0), title(y), Type::PLAIN);
-    let at = (panel.at.0 + panel.size.0, bottom + 2.0 * LABELS);
-    d.text(at, title(x), Type::PLAIN.at(Anchor::End));
+}
+
+/// Name of an objective and which way is better; the name alone, shortened, where there is no room.
+fn title(objective: &Rows, k: usize, room: f64) -> String {
+    let way = if objective.direction == Direction::Minimize { " (less is better)" } else { " (more is better)" };
+    let name = objective_name(objective.study, k);
+    let long = format!("{name}{way}");
+    if Type::PLAIN.width(&long) <= room { long } else { text::shorten(&name, room, SMALL, false) }
 }
 
 fn points(d: &mut Drawing, panel: &Panel, all: &[Candidate], (x, y): (usize, usize)) {

@@ -24,7 +24,7 @@ pub fn draw(rows: &Rows, options: &Options) -> Result<(Drawing, String), PlotErr
     let (every, thinned) = thinning(ranked.len(), POINTS);
     for i in 0..pairs.len() {
         let panel = panel(&layout, &pairs, i);
-        frame(&mut d, &panel, pairs[i], layout.left, true);
+        frame(&mut d, &panel, pairs[i], &layout, (i, true));
         points(&mut d, &panel, pairs[i], &ranked, every);
     }
     let last = ranked.len() as f64;

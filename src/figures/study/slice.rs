@@ -37,6 +37,7 @@ pub fn draw(rows: &Rows, options: &Options) -> Result<(Drawing, String), PlotErr
         let (at, size) = layout.cell(i);
         let panel = Panel { at, size, x: axis.scale, y: scale };
         frame(&mut d, &panel, axis, if i % 2 == 0 { layout.left } else { 0.0 });
+        heading(&mut d, &panel, panel.at.0, &layout.named(i, &axis.name));
         points(&mut d, &panel, rows, axis, (&numbers, every));
     }
     let unit = Scale::linear(0.0, 1.0);
@@ -51,7 +52,6 @@ fn frame(d: &mut Drawing, panel: &Panel, axis: &Axis, left: f64) {
     numbers_upward(d, panel, left);
     across(d, panel, axis, true);
     borders(d, panel);
-    heading(d, panel, panel.at.0, &axis.name);
 }
 
 fn caption(rows: &Rows, chosen: &Chosen, scale: &Scale, note: &str) -> String {

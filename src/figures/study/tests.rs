@@ -1,21 +1,10 @@
 //! Every plot, for studies of several sizes.
 
-use super::super::drawing::{Anchor, Shape};
+use super::super::drawing::Shape;
+use super::super::legible::{self, texts};
 use super::super::style::{BEST, BLUE};
 use super::*;
 use crate::search::TrialState;
-
-/// Left, top, right, bottom of a text, from just above its small letters to its baseline.
-fn text_box(shape: &Shape) -> Option<([f64; 4], &str)> {
-    let Shape::Text { at: (x, y), text, style } = shape else { return None };
-    let width = style.width(text);
-    let left = match style.anchor {
-        Anchor::Start => *x,
-        Anchor::Middle => x - width / 2.0,
-        Anchor::End => x - width,
-    };
-    Some(([left, y - 0.73 * style.size, left + width, y + 0.2 * style.size], text))
-}
 
 fn studies() -> Vec<(&'static str, StoredStudy)> {
     vec![
@@ -28,6 +17,7 @@ fn studies() -> Vec<(&'static str, StoredStudy)> {
         ("two objectives", fixture::study(100, 9, 2)),
         ("three objectives", fixture::study(100, 9, 3)),
         ("awkward", fixture::awkward()),
+        ("all the same", fixture::all_the_same()),
     ]
 }
 
@@ -56,18 +46,11 @@ fn drawings() -> Vec<(String, Drawing, String)> {
 }
 
 #[test]
-fn no_text_leaves_its_plot_or_covers_another() {
-    for (name, d, _) in drawings() {
-        let boxes: Vec<_> = d.shapes.iter().filter_map(text_box).collect();
-        for (i, (a, text)) in boxes.iter().enumerate() {
-            let inside = a[0] >= 0.0 && a[1] >= 0.0 && a[2] <= d.width && a[3] <= d.height;
-            assert!(inside, "{name}: `{text}` at {a:?} of {} × {}", d.width, d.height);
-            for (b, other) in &boxes[..i] {
-                let apart = a[0] >= b[2] || b[0] >= a[2] || a[1] >= b[3] || b[1] >= a[3];
-                assert!(apart, "{name}: `{text}` at {a:?} over `{other}` at {b:?}");
-            }
-        }
-    }
+fn every_text_can_be_read() {
+    let faults =
+        |(name, d, _): (String, Drawing, String)| legible::faults(&d).into_iter().map(move |f| format!("{name}: {f}"));
+    let all: Vec<String> = drawings().into_iter().flat_map(faults).collect();
+    assert!(all.is_empty(), "{all:#?}");
 }
 
 #[test]
@@ -144,8 +127,8 @@ fn steps_begin_where_the_reports_do() {
         trial.intermediate = trial.intermediate.iter().map(|(step, value)| (step + 1000, *value)).collect();
     }
     let (d, _) = shapes(StudyPlot::Intermediate, &study, &Options::default()).unwrap();
-    let texts: Vec<&str> = d.shapes.iter().filter_map(text_box).map(|(_, t)| t).collect();
-    assert!(texts.contains(&"1,005") && texts.contains(&"1,015") && !texts.contains(&"500"), "{texts:?}");
+    let words: Vec<&str> = texts(&d).into_iter().map(|(_, t)| t).collect();
+    assert!(words.contains(&"1,005") && words.contains(&"1,015") && !words.contains(&"500"), "{words:?}");
 }
 
 fn circles(d: &Drawing, colour: [u8; 3]) -> usize {
@@ -201,12 +184,12 @@ fn plots_say_what_they_show() {
     let options = Options { importance: &importance, ..Options::default() };
     let words = |plot| {
         let (d, caption) = shapes(plot, &study, &options).unwrap();
-        let texts: Vec<&str> = d.shapes.iter().filter_map(text_box).map(|(_, t)| t).collect();
-        format!("{} {caption}", texts.join(" "))
+        let words: Vec<&str> = texts(&d).into_iter().map(|(_, t)| t).collect();
+        format!("{} {caption}", words.join(" "))
     };
     for (plot, expected) in [
         (StudyPlot::History, &["pruned", "failed", "best so far", "objective (less is better)", "1 running"][..]),
-        (StudyPlot::Importance, &["learning_rate", "finished trials"]),
+        (StudyPlot::Importance, &["learning_rate", "complete trials"]),
         (StudyPlot::Slice, &["28 more parameters not shown", "10⁻⁵", "spread sideways"]),
         (StudyPlot::Contour, &["interpolated", "observed"]),
         (StudyPlot::ParallelCoordinates, &["26 more parameters not shown", "best trial", "breaks"]),

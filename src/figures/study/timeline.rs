@@ -8,7 +8,7 @@ use super::rows::{Row, Rows, plural};
 use crate::figures::axes::{Panel, Scale, Sign, fixed, legend};
 use crate::figures::drawing::{Anchor, Drawing, Stroke, Type};
 use crate::figures::history::ticks;
-use crate::figures::style::{BLUE, GREEN, GRID, INK, MARGIN, MUTED, ORANGE, SMALL, WIDTH, tint};
+use crate::figures::style::{BLUE, GREEN, GRID, INK, MARGIN, MUTED, SLATE, SMALL, WIDTH, tint};
 use crate::search::TrialState;
 
 const DAY: u32 = 86_400;
@@ -207,7 +207,7 @@ fn draw_bar(d: &mut Drawing, panel: &Panel, bar: &Bar) {
 fn state_bar(d: &mut Drawing, at: (f64, f64), size: (f64, f64), state: TrialState) {
     let fill = match state {
         TrialState::Complete => BLUE,
-        TrialState::Pruned => ORANGE,
+        TrialState::Pruned => tint(SLATE, 0.45),
         TrialState::Fail => INK,
         TrialState::Running => tint(GREEN, 0.3),
         TrialState::Waiting => GRID,

@@ -25,6 +25,9 @@ pub struct Importance {
     pub high: f64,
 }
 
+/// Number of complete trials under which the ranking of an importance is not stable.
+pub const STABLE_IMPORTANCE: usize = 30;
+
 /// Forests of different seeds over which a value is averaged.
 const FOREST_SEEDS: u64 = 8;
 /// Largest number of parts of which each is left out once; up to here a part is a single trial.
