@@ -1,13 +1,17 @@
 //! What the head of the page says: main numbers in a sentence, and facts about the run.
 
+use serde::Serialize;
+
+use super::page::{KeyNumber, Tone, Verdict};
 use crate::dataset::Subset;
-use crate::evaluate::{Arm, Metric, MetricRow, Quantity};
+use crate::evaluate::{Arm, Comparison, Metric, MetricRow, Quantity};
 use crate::figures::axes::{fixed, short};
 use crate::figures::style;
 use crate::search::TrialState;
 use crate::tables::artefacts::RunArtefacts;
 
 /// Mean absolute errors of one predictor, as text with intervals.
+#[derive(Debug, Clone, Serialize)]
 pub struct KeyFigure {
     /// Who predicts.
     pub name: &'static str,
@@ -35,8 +39,7 @@ fn mae(run: &RunArtefacts, arm: Arm, quantity: Quantity) -> Option<&MetricRow> {
 
 /// A value and its interval, all with as many decimals as the value needs for three digits.
 fn with_interval(row: &MetricRow, unit: &str) -> String {
-    let exponent = libm::floor(libm::log10(row.value.abs().max(1e-9)));
-    let digits = (2.0 - exponent).max(0.0) as usize;
+    let digits = digits(row.value);
     let number = |v| fixed(v, digits);
     format!("{}{unit} [{}, {}]", number(row.value), number(row.ci_low), number(row.ci_high))
 }
@@ -55,6 +58,88 @@ pub fn key_figures(run: &RunArtefacts) -> Vec<KeyFigure> {
             own: arm == Arm::Tuned,
         })
         .collect()
+}
+
+/// The numbers that matter most: the tuned arm's errors beside the baseline's, and the search's result.
+pub fn numbers(run: &RunArtefacts, seconds: Option<f64>) -> Vec<KeyNumber> {
+    let quantities = [(Quantity::FocalPx, "f", " px"), (Quantity::Xi, "ξ", "")];
+    let mut numbers: Vec<KeyNumber> =
+        quantities.into_iter().filter_map(|(q, name, unit)| error(run, q, name, unit)).collect();
+    numbers.extend(best_trial(run));
+    numbers.extend(seconds.map(|seconds| KeyNumber {
+        name: "Time".to_owned(),
+        value: super::page::seconds(seconds),
+        note: "all stages up to this page".to_owned(),
+        link: "#durations".to_owned(),
+    }));
+    numbers
+}
+
+fn error(run: &RunArtefacts, quantity: Quantity, name: &str, unit: &str) -> Option<KeyNumber> {
+    let tuned = mae(run, Arm::Tuned, quantity)?;
+    let digits = digits(tuned.value);
+    let mut note = format!("[{}, {}]", fixed(tuned.ci_low, digits), fixed(tuned.ci_high, digits));
+    if let Some(baseline) = mae(run, Arm::Baseline, quantity) {
+        note += &format!("; baseline {}{unit}", fixed(baseline.value, digits));
+    }
+    Some(KeyNumber {
+        name: format!("Mean absolute error of {name}, test"),
+        value: format!("{}{unit}", fixed(tuned.value, digits)),
+        note,
+        link: String::new(),
+    })
+}
+
+fn best_trial(run: &RunArtefacts) -> Option<KeyNumber> {
+    let complete = run.trials.iter().filter(|t| t.state == TrialState::Complete);
+    let valued = complete.filter_map(|t| Some((t.number, t.value.filter(|v| v.is_finite())?)));
+    let (number, value) = valued.reduce(|best, trial| if trial.1 < best.1 { trial } else { best })?;
+    Some(KeyNumber {
+        name: "Best trial".to_owned(),
+        value: format!("{number}"),
+        note: format!("objective {} on validation, of {} trials", fixed(value, 4), run.trials.len()),
+        link: format!("#trial-{number}"),
+    })
+}
+
+/// Whether the tuned arm is better than the baseline, by the intervals of the paired differences.
+pub fn verdict(run: &RunArtefacts) -> Option<Verdict> {
+    let found: Vec<(&Comparison, String)> = [(Quantity::FocalPx, "f", " px"), (Quantity::Xi, "ξ", "")]
+        .into_iter()
+        .filter_map(|(quantity, name, unit)| {
+            let compared = run.comparisons.iter().find(|c| {
+                c.subset == Subset::Test
+                    && (c.arm, c.against, c.quantity, c.metric) == (Arm::Tuned, Arm::Baseline, quantity, Metric::Mae)
+            })?;
+            Some((compared, difference(compared, name, unit)))
+        })
+        .collect();
+    let shown = |sign: f64| found.iter().any(|(c, _)| c.excludes_zero && c.difference * sign > 0.0);
+    let tone = match (shown(1.0), shown(-1.0)) {
+        (true, _) => Tone::Bad,
+        (false, true) => Tone::Good,
+        (false, false) => Tone::Neutral,
+    };
+    let text = found.iter().map(|(_, text)| text.as_str()).collect::<Vec<_>>().join("; ");
+    (!found.is_empty()).then(|| Verdict { tone, text: format!("Tuned against baseline: {text}.") })
+}
+
+fn difference(c: &Comparison, name: &str, unit: &str) -> String {
+    let digits = digits(c.difference);
+    let number = |x| fixed(x, digits);
+    let size = number(c.difference.abs());
+    match c.excludes_zero {
+        true if c.difference < 0.0 => {
+            format!("the error of {name} is smaller by {size}{unit} [{}, {}]", number(-c.ci_high), number(-c.ci_low))
+        }
+        true => format!("the error of {name} is larger by {size}{unit} [{}, {}]", number(c.ci_low), number(c.ci_high)),
+        false => format!("no difference shown in {name} [{}, {}]{unit}", number(c.ci_low), number(c.ci_high)),
+    }
+}
+
+/// Decimals with which a value has three digits.
+fn digits(value: f64) -> usize {
+    (2.0 - libm::floor(libm::log10(value.abs().max(1e-9)))).clamp(0.0, 4.0) as usize
 }
 
 /// One paragraph with the main numbers.
@@ -122,4 +207,24 @@ pub fn of(run: &RunArtefacts) -> Vec<(&'static str, String)> {
         ("Trials", trials),
         ("Refits", format!("{} an arm", spec.evaluation.refit_seeds)),
     ]
+}
+
+/// Files beside the page that are worth a look, by subject.
+pub fn files(run: &RunArtefacts) -> Vec<(&'static str, Vec<String>)> {
+    let names = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>();
+    let predictions = run.predictions.keys().map(|arm| format!("predictions/{arm}.parquet")).collect();
+    let curves = run.refit_curves.iter().flat_map(|(arm, curves)| {
+        (0..curves.len()).flat_map(move |i| ["parquet", "chain"].map(|ending| format!("curves/{arm}-{i}.{ending}")))
+    });
+    let search = if run.trials.is_empty() { Vec::new() } else { names(&["study.db"]) };
+    let mut files = vec![
+        ("Results", names(&["metrics.json", "comparisons.json"])),
+        ("Predictions", predictions),
+        ("Search", search),
+        ("Training curves", curves.collect()),
+        ("Settings", names(&["experiment.yaml", "resolved.yaml"])),
+        ("Record", names(&["provenance.json", "events.jsonl", "measured/durations.json", "SHA256SUMS"])),
+    ];
+    files.retain(|(_, names)| !names.is_empty());
+    files
 }
