@@ -122,11 +122,11 @@ fn sections(comparison: &Comparison, figure: &Figure) -> Vec<Section> {
     let settings = filled(tables::settings(comparison, usize::MAX));
     let search = filled(tables::search(comparison, For::Files));
     let sections = [
-        section("subjects", "Runs").tables([&tables::runs(comparison)]),
+        section("all-runs", "Runs").tables([&tables::runs(comparison)]),
         identity,
         section("configuration", "Configuration").tables(&settings),
-        section("errors", "Errors").tables(&tables::all_errors(comparison)),
-        section("searches", "Searches").tables(&search).figures(search.iter().map(|_| figure)),
+        section("all-errors", "Errors").tables(&tables::all_errors(comparison)),
+        section("all-searches", "Searches").tables(&search).figures(search.iter().map(|_| figure)),
     ];
     sections.into_iter().filter(|section| !section.is_empty()).collect()
 }

@@ -80,7 +80,7 @@ fn error(run: &RunArtefacts, quantity: Quantity, name: &str, unit: &str) -> Opti
     let digits = digits(tuned.value);
     let mut note = format!("[{}, {}]", fixed(tuned.ci_low, digits), fixed(tuned.ci_high, digits));
     if let Some(baseline) = mae(run, Arm::Baseline, quantity) {
-        note += &format!("; baseline {}{unit}", fixed(baseline.value, digits));
+        note += &format!("; baseline {}{unit}", short(baseline.value));
     }
     Some(KeyNumber {
         name: format!("Mean absolute error of {name}, test"),

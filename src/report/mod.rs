@@ -79,8 +79,8 @@ pub fn of_run(run: &RunArtefacts, tables: &[Table], figures: &[Figure], measured
         trials: TrialData::of(run, measured),
         views: Views::of(run)?,
         sections: vec![
-            Section { id: "tables", title: "Tables", ..Section::default() }.tables(tables),
-            Section { id: "figures", title: "Figures", ..Section::default() }.figures(figures),
+            Section { id: "all-tables", title: "Tables", ..Section::default() }.tables(tables),
+            Section { id: "all-figures", title: "Figures", ..Section::default() }.figures(figures),
         ],
         documents: documents(run)?,
         durations: measured.stages.clone(),
@@ -152,7 +152,7 @@ mod tests {
     fn ids_are_unique_and_every_link_inside_the_page_has_its_target() {
         let run = fixture::run(10, 6);
         let named = |name: &str| Table { id: name.to_owned(), number: None, ..tables().remove(0) };
-        let tables = ["table_1", "controls", "overview"].map(named);
+        let tables = ["table_1", "controls", "summary"].map(named);
         let page = of_run(&run, &tables, &figures::draw_svg(&run), &Measured::default()).unwrap();
         let ids: Vec<&str> = page.split(" id=\"").skip(1).filter_map(|p| p.split('"').next()).collect();
         let mut sorted = ids.clone();

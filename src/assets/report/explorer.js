@@ -83,6 +83,16 @@ function trialList(known, choose) {
   };
 }
 
+// Signs of the states, as SVG path data.
+const MARKS = { complete: "h0", pruned: "m-3-3l6 6m-6 0l6-6", failed: "m-4 0h8m-4-4v8" };
+
+function legend() {
+  const sign = (kind, d, words) => element("span", null, shape("svg", { class: "chart", viewBox: "0 0 22 16", "aria-hidden": "true" }, shape("path", { class: kind, d })), words);
+  return element("p", { class: "legend" },
+    sign("dots complete", `M11 8${MARKS.complete}`, "complete"), sign("dots pruned", `M11 8${MARKS.pruned}`, "pruned, last value"),
+    sign("dots failed", `M11 8${MARKS.failed}`, "failed, last value"), sign("line best-so-far", "M1 8h20", "best so far"), element("span", null, "A click chooses a trial."));
+}
+
 // Objectives of the trials over their number or a parameter; a click chooses the nearest.
 function historyPlot(known, trials, column, chosen, width, choose) {
   const across = (trial) => (column < 0 ? trial.number : param(trial, column));
@@ -90,11 +100,10 @@ function historyPlot(known, trials, column, chosen, width, choose) {
   const placed = trials.filter((trial) => across(trial) !== undefined && up(trial) !== null);
   const name = column < 0 ? "trial" : known.names[column];
   const complete = placed.filter((trial) => trial.state === "complete");
-  const { drawing, x, y, add } = chart({ width, height: 260, title: "Objective: complete ● pruned × (last value) failed + – best so far", xs: placed.map(across), ys: placed.map(up), xLabel: name,
+  const { drawing, x, y, add } = chart({ width, height: 260, title: "Objective on validation", xs: placed.map(across), ys: placed.map(up), xLabel: name,
     label: `Objective of ${placed.length} trials over ${name}; the list below has the same trials` });
   const at = (trial) => [x.at(across(trial)), y.at(up(trial))];
-  const marks = { complete: "h0", pruned: "m-3-3l6 6m-6 0l6-6", failed: "m-4 0h8m-4-4v8" };
-  for (const [kind, mark] of Object.entries(marks)) {
+  for (const [kind, mark] of Object.entries(MARKS)) {
     const d = placed.filter((trial) => trial.state === kind).map((trial) => `M${place(...at(trial))}${mark}`);
     if (d.length) add("path", { class: `dots ${kind}`, d: d.join("") });
   }
@@ -167,7 +176,7 @@ function explorer() {
     element("div", { class: "controls" },
       element("label", null, "Filter: words, or conditions such as name<0.01", filter),
       element("label", null, "Across and in the list", column)),
-    plot, count, element("div", { class: "panes" }, list.part, detail));
+    plot, legend(), count, element("div", { class: "panes" }, list.part, detail));
   filter.addEventListener("input", filtered);
   column.addEventListener("change", () => { list.showParam(Number(column.value)); drawPlot(); });
   addEventListener("hashchange", linked);

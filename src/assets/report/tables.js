@@ -15,5 +15,15 @@ function sortable(table) {
   }));
 }
 
+// What scrolls sideways is reached by keyboard, what does not is passed over.
+function reachable() {
+  for (const part of document.querySelectorAll(".wide")) {
+    if (part.scrollWidth > part.clientWidth) part.setAttribute("tabindex", "0");
+    else part.removeAttribute("tabindex");
+  }
+}
+
 document.querySelectorAll("table.sortable").forEach(sortable);
+addEventListener("resize", reachable);
+reachable();
 

@@ -13,7 +13,7 @@ function trialDetail(known, trial, width) {
       trial.value === null ? fact("Last objective", brief(trial.last)) : fact("Objective", value(trial.value)),
       fact("Best epoch", brief(trial.bestEpoch)),
       fact("Epochs", String(trial.epochs)),
-      fact("Duration", trial.seconds === null ? "not recorded" : trial.seconds < 10 ? `${brief(trial.seconds)} s` : duration(trial.seconds))),
+      fact("Duration", trial.seconds === null ? "not recorded" : duration(trial.seconds))),
     ...(epochs.length === 0 ? [element("p", { class: "muted" }, "There is no curve.")] : [
       curves({ width, title: "Loss: training (dashed), validation", epochs, best: trial.bestEpoch,
         series: [{ name: "training", kind: "train", values: train }, { name: "validation", kind: "validation", values: validation }] }),

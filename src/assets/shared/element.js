@@ -15,6 +15,7 @@ function furnished(made, attributes, children) {
 }
 
 function duration(seconds) {
+  if (seconds > 0 && seconds < 9.95) return `${seconds < 1 ? seconds.toFixed(2) : seconds.toFixed(1)} s`;
   const s = Math.max(0, Math.round(seconds));
   if (s < 60) return `${s} s`;
   if (s < 3600) return `${Math.floor(s / 60)} min ${String(s % 60).padStart(2, "0")} s`;
