@@ -111,12 +111,12 @@ fn sections(comparison: &Comparison, figure: &Figure) -> Vec<Section> {
         if !pair.same {
             let mut parts = tables::artefacts(pair);
             parts.id = format!("artefacts_{}_{}", pair.first, pair.second);
-            identity = identity.unfiled_table(&parts);
+            identity = identity.tables([&parts]).unfiled();
         }
     }
     let every = tables::every_artefact(comparison);
     if !every.rows.is_empty() {
-        identity = identity.tables([&every]);
+        identity = identity.folded_table(&every);
     }
     let filled = |table: crate::tables::Table| Some(table).filter(|table| !table.rows.is_empty());
     let settings = filled(tables::settings(comparison, usize::MAX));

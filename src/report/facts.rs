@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use super::page::{KeyNumber, Tone, Verdict};
+use crate::config::spec::Kind;
 use crate::dataset::Subset;
 use crate::evaluate::{Arm, Comparison, Metric, MetricRow, Quantity};
 use crate::figures::axes::{fixed, short};
@@ -49,10 +50,11 @@ pub fn key_figures(run: &RunArtefacts) -> Vec<KeyFigure> {
     let cell = |arm, quantity, unit| {
         mae(run, arm, quantity).map_or_else(|| "not computed".to_owned(), |r| with_interval(r, unit))
     };
+    let name = |arm| if arm == Arm::Tuned && is_pretraining(run) { "trained network" } else { style::arm(arm).name };
     ARMS.into_iter()
         .filter(|arm| mae(run, *arm, Quantity::FocalPx).or(mae(run, *arm, Quantity::Xi)).is_some())
         .map(|arm| KeyFigure {
-            name: style::arm(arm).name,
+            name: name(arm),
             f: cell(arm, Quantity::FocalPx, " px"),
             xi: cell(arm, Quantity::Xi, ""),
             own: arm == Arm::Tuned,
@@ -142,13 +144,18 @@ fn digits(value: f64) -> usize {
     (2.0 - libm::floor(libm::log10(value.abs().max(1e-9)))).clamp(0.0, 4.0) as usize
 }
 
+fn is_pretraining(run: &RunArtefacts) -> bool {
+    run.experiment.kind == Kind::Pretraining
+}
+
 /// One paragraph with the main numbers.
 pub fn summary(run: &RunArtefacts) -> String {
     let Some(tuned) = mae(run, Arm::Tuned, Quantity::FocalPx) else {
         return "No arm was evaluated on the test subset, so this page has no main number.".to_owned();
     };
+    let own = if is_pretraining(run) { "the trained network" } else { "the tuned arm" };
     let mut text = format!(
-        "On {} test views of {} panoramas that training never saw, the tuned arm errs by {} in focal length f on average \
+        "On {} test views of {} panoramas that training never saw, {own} errs by {} in focal length f on average \
          (mean absolute error with its {} % interval)",
         fixed(f64::from(tuned.n_views), 0),
         tuned.n_panoramas,
@@ -167,7 +174,7 @@ pub fn summary(run: &RunArtefacts) -> String {
     }
     text += ".";
     if let Some(row) = mae(run, Arm::Tuned, Quantity::Xi) {
-        text += &format!(" In distortion ξ the tuned arm errs by {}", with_interval(row, ""));
+        text += &format!(" In distortion ξ {own} errs by {}", with_interval(row, ""));
         if let Some(mean) = mae(run, Arm::PredictMean, Quantity::Xi) {
             text += &format!(", predicting the mean by {}", short(mean.value));
         }
@@ -191,7 +198,7 @@ pub fn of(run: &RunArtefacts) -> Vec<(&'static str, String)> {
     let word = |v: serde_json::Result<serde_json::Value>| {
         v.ok().and_then(|v| v.as_str().map(str::to_owned)).unwrap_or_default()
     };
-    vec![
+    let mut facts = vec![
         ("Profile", word(serde_json::to_value(spec.profile))),
         ("Seed", spec.seed.to_string()),
         (
@@ -204,18 +211,21 @@ pub fn of(run: &RunArtefacts) -> Vec<(&'static str, String)> {
             ),
         ),
         ("Views", format!("{0} × {0} px, band limit {1} px", spec.dataset.image_px, spec.dataset.resolution)),
-        ("Trials", trials),
-        ("Refits", format!("{} an arm", spec.evaluation.refit_seeds)),
-    ]
+    ];
+    if !is_pretraining(run) {
+        facts.extend([("Trials", trials), ("Refits", format!("{} an arm", spec.evaluation.refit_seeds))]);
+    }
+    facts
 }
 
 /// Files beside the page that are worth a look, by subject.
 pub fn files(run: &RunArtefacts) -> Vec<(&'static str, Vec<String>)> {
     let names = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>();
     let predictions = run.predictions.keys().map(|arm| format!("predictions/{arm}.parquet")).collect();
-    let curves = run.refit_curves.iter().flat_map(|(arm, curves)| {
-        (0..curves.len()).flat_map(move |i| ["parquet", "chain"].map(|ending| format!("curves/{arm}-{i}.{ending}")))
-    });
+    let curves = run
+        .refit_curves
+        .iter()
+        .flat_map(|(arm, curves)| (0..curves.len()).map(move |i| format!("curves/{arm}-{i}.parquet")));
     let search = if run.trials.is_empty() { Vec::new() } else { names(&["study.db"]) };
     let mut files = vec![
         ("Results", names(&["metrics.json", "comparisons.json"])),

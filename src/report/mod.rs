@@ -11,13 +11,14 @@ mod trials;
 mod views;
 
 pub use facts::KeyFigure;
-pub use page::{Document, FigureView, KeyNumber, Page, Section, Tone, Verdict, policy};
+pub use page::{Document, FigureView, KeyNumber, Page, Section, Tone, Verdict, script_source};
 pub use table::TableView;
 pub use trials::TrialData;
 pub use views::Views;
 
 use std::collections::BTreeMap;
 
+use crate::config::spec::Kind;
 use crate::error::{Class, Classify};
 use crate::figures::Figure;
 use crate::tables::Table;
@@ -66,6 +67,13 @@ pub struct Measured {
 /// A picture of the gallery that is damaged; everything else is a bug.
 pub fn of_run(run: &RunArtefacts, tables: &[Table], figures: &[Figure], measured: &Measured) -> Result<String, Error> {
     let seconds = measured.stages.iter().map(|(_, seconds)| seconds).sum::<f64>();
+    let mut sections = [
+        Section { id: "all-tables", title: "Tables", ..Section::default() }.tables(tables),
+        Section { id: "all-figures", title: "Figures", ..Section::default() }.figures(figures),
+    ];
+    if run.experiment.kind == Kind::Pretraining {
+        sections = sections.map(Section::unfiled);
+    }
     let page = Page {
         kind: "run",
         title: run.experiment.name.clone(),
@@ -78,10 +86,7 @@ pub fn of_run(run: &RunArtefacts, tables: &[Table], figures: &[Figure], measured
         facts: facts::of(run),
         trials: TrialData::of(run, measured),
         views: Views::of(run)?,
-        sections: vec![
-            Section { id: "all-tables", title: "Tables", ..Section::default() }.tables(tables),
-            Section { id: "all-figures", title: "Figures", ..Section::default() }.figures(figures),
-        ],
+        sections: sections.into(),
         documents: documents(run)?,
         durations: measured.stages.clone(),
         files: facts::files(run),
@@ -145,7 +150,8 @@ mod tests {
             assert!(own, "{target}");
         }
         assert!(!page.contains("@import") && !page.contains("url("));
-        assert!(page.contains(&format!("content=\"{}\"", policy().replace('\'', "&#x27;").replace('/', "&#x2f;"))));
+        let source = script_source().replace('\'', "&#x27;").replace('/', "&#x2f;");
+        assert!(page.contains(&format!("script-src {source};")) && page.contains("default-src &#x27;none&#x27;"));
     }
 
     #[test]
@@ -182,7 +188,7 @@ mod tests {
             "Published &lt;tuned&gt;",
             "1 min 01 s",
             "View 17: true f",
-            "predictions/tuned.parquet",
+            "predictions&#x2f;tuned.parquet",
         ] {
             assert!(page.contains(words), "{words}");
         }

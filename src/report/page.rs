@@ -15,6 +15,7 @@ use super::table::TableView;
 use super::trials::TrialData;
 use super::views::Views;
 use crate::figures::Figure;
+use crate::tables::Table;
 
 const TEMPLATE: &str = include_str!("../assets/report/page.html");
 const STYLE: &str = concat!(include_str!("../assets/shared/base.css"), include_str!("../assets/report/page.css"));
@@ -31,20 +32,26 @@ const SCRIPT: &str = concat!(
     include_str!("../assets/report/explorer.js"),
 );
 
-/// What a page may do, as a Content-Security-Policy: its own style and script, named by their hashes, and pictures that
-/// stand in it. Nothing is fetched, and markup that got into it by whatever way could run nothing.
-static POLICY: LazyLock<String> = LazyLock::new(|| {
-    let hash = |text: &str| STANDARD.encode(Sha256::digest(text.as_bytes()));
-    format!(
-        "default-src 'none'; img-src data:; style-src 'sha256-{}'; script-src 'sha256-{}'; base-uri 'none'; form-action 'none'",
-        hash(STYLE),
-        hash(SCRIPT)
-    )
-});
+static STYLE_SOURCE: LazyLock<String> = LazyLock::new(|| source_of(STYLE));
+static SCRIPT_SOURCE: LazyLock<String> = LazyLock::new(|| source_of(SCRIPT));
 
-/// The policy under which pages work; who sends them over a network sends it with them.
-pub fn policy() -> &'static str {
-    &POLICY
+/// A text as a Content-Security-Policy names it: by its hash.
+fn source_of(text: &str) -> String {
+    format!("'sha256-{}'", STANDARD.encode(Sha256::digest(text.as_bytes())))
+}
+
+/// The script of pages, as a Content-Security-Policy names it, for those who send pages over a network.
+pub fn script_source() -> &'static str {
+    &SCRIPT_SOURCE
+}
+
+/// What a page may do: its own style and script, and pictures that stand in it. Nothing is fetched, and markup that got
+/// into it by whatever way could run nothing.
+fn policy() -> String {
+    format!(
+        "default-src 'none'; img-src data:; style-src {}; script-src {}; base-uri 'none'; form-action 'none'",
+        *STYLE_SOURCE, *SCRIPT_SOURCE
+    )
 }
 
 /// Everything that stands on a page, from top to bottom. Links are relative to the page's folder.
@@ -133,20 +140,29 @@ pub struct Section {
 
 impl Section {
     /// Adds tables whose files are in `tables/`.
-    pub fn tables<'a>(mut self, tables: impl IntoIterator<Item = &'a crate::tables::Table>) -> Self {
-        self.tables.extend(tables.into_iter().map(TableView::filed));
+    pub fn tables<'a>(mut self, tables: impl IntoIterator<Item = &'a Table>) -> Self {
+        self.tables.extend(tables.into_iter().map(TableView::of));
         self
     }
 
-    /// Adds a table that only the page has.
-    pub fn unfiled_table(mut self, table: &crate::tables::Table) -> Self {
-        self.tables.push(TableView::new(table));
+    /// Adds a table whose files are in `tables/`, folded: it is long, and a reference.
+    pub fn folded_table(mut self, table: &Table) -> Self {
+        let mut view = TableView::of(table);
+        view.folded = true;
+        self.tables.push(view);
         self
     }
 
     /// Adds figures whose files are in `figures/`.
     pub fn figures<'a>(mut self, figures: impl IntoIterator<Item = &'a Figure>) -> Self {
         self.figures.extend(figures.into_iter().map(FigureView::of));
+        self
+    }
+
+    /// Says that there are no files of what was added so far.
+    pub fn unfiled(mut self) -> Self {
+        self.tables.iter_mut().for_each(|table| table.filed = false);
+        self.figures.iter_mut().for_each(|figure| figure.filed = false);
         self
     }
 
@@ -178,13 +194,32 @@ pub struct FigureView {
     title: String,
     caption: String,
     svg: String,
+    /// Whether `figures/` has files of it.
+    filed: bool,
 }
+
+/// Shapes of a figure beyond which a browser would take long to draw it, so that its picture is shown instead.
+const SHAPES: usize = 4_000;
 
 impl FigureView {
     fn of(figure: &Figure) -> Self {
-        let Figure { name, title, caption, svg, png: _ } = figure.clone();
-        Self { name, title, caption, svg }
+        let Figure { name, title, caption, svg, png } = figure.clone();
+        // a line a shape
+        let picture = if svg.lines().count() > SHAPES { as_picture(&title, &png) } else { None };
+        Self { name, title, caption, svg: picture.unwrap_or(svg), filed: true }
     }
+}
+
+/// A PNG file as a drawing of that one picture, so that it is enlarged like all drawings; `None` if it is no PNG file.
+fn as_picture(title: &str, png: &[u8]) -> Option<String> {
+    let number = |at: usize| Some(u32::from_be_bytes(png.get(at..at + 4)?.try_into().ok()?));
+    let (width, height) = (number(16)?, number(20)?);
+    let data = STANDARD.encode(png);
+    Some(format!(
+        "<svg viewBox=\"0 0 {width} {height}\" role=\"img\" aria-label=\"{}\"><image width=\"{width}\" height=\"{height}\" \
+         href=\"data:image/png;base64,{data}\"/></svg>",
+        minijinja::HtmlEscape(title)
+    ))
 }
 
 impl Page {
@@ -228,6 +263,23 @@ mod tests {
             [0.04, 9.94, 59.6, 61.0, 3723.0].map(seconds),
             ["0.0 s", "9.9 s", "1 min 00 s", "1 min 01 s", "1 h 02 min"]
         );
+    }
+
+    #[test]
+    fn a_figure_of_very_many_shapes_stands_as_its_picture() {
+        let mut png = vec![0; 24];
+        (png[19], png[23]) = (40, 20);
+        let figure = |shapes| Figure {
+            name: "figure_1".to_owned(),
+            title: "a < b".to_owned(),
+            caption: String::new(),
+            svg: format!("<svg>\n{}</svg>", "<path/>\n".repeat(shapes)),
+            png: png.clone(),
+        };
+        assert!(FigureView::of(&figure(10)).svg.contains("<path/>"));
+        let svg = FigureView::of(&figure(5_000)).svg;
+        assert!(svg.contains("viewBox=\"0 0 40 20\"") && svg.contains("a &lt; b") && !svg.contains("<path/>"), "{svg}");
+        assert_eq!(as_picture("", &[1, 2]), None);
     }
 
     #[test]

@@ -13,7 +13,9 @@ pub struct TableView {
     columns: Vec<ColumnView>,
     rows: Vec<Vec<CellView>>,
     /// Whether `tables/` has files of it.
-    filed: bool,
+    pub(super) filed: bool,
+    /// Whether only its heading is seen at first.
+    pub(super) folded: bool,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -34,8 +36,8 @@ struct CellView {
 }
 
 impl TableView {
-    /// A table that only the page has.
-    pub fn new(table: &Table) -> Self {
+    /// A table of which `tables/` has files.
+    pub fn of(table: &Table) -> Self {
         let column = |(i, column): (usize, &crate::tables::Column)| {
             let mut cells = table.rows.iter().filter_map(|row| row.get(i)).filter(|cell| !is_missing(cell)).peekable();
             let number = cells.peek().is_some() && cells.all(|cell| is_number(&cell.shown()));
@@ -47,13 +49,9 @@ impl TableView {
             notes: table.notes.clone(),
             columns: table.columns.iter().enumerate().map(column).collect(),
             rows: table.rows.iter().map(|row| row.iter().map(cell).collect()).collect(),
-            filed: false,
+            filed: true,
+            folded: false,
         }
-    }
-
-    /// A table of which `tables/` has files.
-    pub fn filed(table: &Table) -> Self {
-        Self { filed: true, ..Self::new(table) }
     }
 }
 

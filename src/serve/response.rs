@@ -10,6 +10,9 @@ pub const PAGE_TYPE: &str = "text/html; charset=utf-8";
 /// What browsers may do with files of a run: show them with the images beside them, run nothing, fetch nothing else.
 const FILE_POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; img-src 'self' data:; font-src data:; sandbox allow-same-origin \
      allow-downloads";
+/// The same for reports, without what their script may do.
+const REPORT_POLICY: &str =
+    "default-src 'none'; style-src 'unsafe-inline'; img-src 'self' data:; base-uri 'none'; form-action 'none'";
 /// The same for answers without a page.
 const DATA_POLICY: &str = "default-src 'none'; sandbox";
 
@@ -102,7 +105,7 @@ impl Response {
 
     /// A page of a run: it may run the script that this program gives its reports, and no other.
     pub fn report(file: File, bytes: u64) -> Self {
-        let policy = format!("{}; sandbox allow-same-origin allow-scripts allow-downloads", report::policy());
+        let policy = format!("{REPORT_POLICY}; script-src {}", report::script_source());
         Self::new(Status::Ok, PAGE_TYPE, &policy, Body::File(file, bytes))
     }
 

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use super::Error;
 use super::trials::DATABASE;
-use crate::config::spec::Selection;
+use crate::config::spec::{Kind, Selection};
 use crate::figures::{self, Figure};
 use crate::report::{self, Measured};
 use crate::search::{TrialState, storage};
@@ -38,8 +38,25 @@ pub fn write_report(folder: &Path) -> Result<PathBuf, Error> {
     write_page(folder, &run, &shown, &drawn)
 }
 
+/// Writes the `report.html` of a pretraining, which has no other output for people.
+pub(super) fn write_pretraining(folder: &RunFolder) -> Result<(), Error> {
+    let run = RunArtefacts::read(folder.path())?;
+    let (shown, drawn) = selected(&run)?;
+    write_page(folder.path(), &run, &shown, &drawn)?;
+    Ok(())
+}
+
+/// What says something of a pretraining, which has no search and one arm.
+const OF_PRETRAININGS: [&str; 5] = ["controls", "summary", "loss_curves", "scatter_f", "scatter_xi"];
+
 /// The tables and figures that the experiment asks for.
 fn selected(run: &RunArtefacts) -> Result<(Vec<Table>, Vec<Figure>), Error> {
+    if run.experiment.kind == Kind::Pretraining {
+        let (mut tables, mut figures) = (tables::tables(run)?, figures::draw_all(run)?);
+        tables.retain(|table| OF_PRETRAININGS.contains(&table.id.as_str()));
+        figures.retain(|figure| OF_PRETRAININGS.contains(&figure.name.as_str()));
+        return Ok((tables, figures));
+    }
     let tables = match run.experiment.report.tables {
         Selection::All => tables::tables(run)?,
         Selection::None => Vec::new(),

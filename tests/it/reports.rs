@@ -1,12 +1,13 @@
 //! `report.html` of runs and comparisons, in a real browser.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use panotune::report::{self, Measured};
 use panotune::search::TrialState;
 use panotune::tables::artefacts::{ParamValue, RunArtefacts, TrialArtefact};
 use panotune::train::EpochRecord;
+use panotune::{figures, tables};
 use serde_json::json;
 
 use crate::browser::Browser;
@@ -48,7 +49,11 @@ fn ten_thousand_trials_open_within_two_seconds() {
         trials: (0..10_000).map(|n| (n, 1.0 + f64::from(n % 97) / 10.0)).collect::<BTreeMap<_, _>>(),
         stages: vec![("study".to_owned(), 58_000.0)],
     };
-    print!("{}", browser.check("large.js", &[&written(folder.path(), &run, &measured)]));
+    let (tables, figures) = (tables::tables(&run).unwrap(), figures::draw_all(&run).unwrap());
+    let page = report::of_run(&run, &tables, &figures, &measured).unwrap();
+    let path = folder.path().join("report.html");
+    std::fs::write(&path, page).unwrap();
+    print!("{}", browser.check("large.js", &[&path]));
 }
 
 /// A made-up trial of 20 to 59 epochs whose curve falls.
@@ -97,14 +102,9 @@ fn texts_of_users_run_nothing() {
     best.reason = Some(nasty("reason"));
     best.params.insert(0, ParamValue { name: nasty("name"), value: json!(nasty("value")) });
     run.gallery.panorama = nasty("panorama");
-    browser.check("strange.js", &[&written(folder.path(), &run, &Measured::default())]);
-}
-
-/// The page of `run`, without tables and figures, as a file.
-fn written(folder: &Path, run: &RunArtefacts, measured: &Measured) -> PathBuf {
-    let path = folder.join("report.html");
-    std::fs::write(&path, report::of_run(run, &[], &[], measured).unwrap()).unwrap();
-    path
+    let path = folder.path().join("report.html");
+    std::fs::write(&path, report::of_run(&run, &[], &[], &Measured::default()).unwrap()).unwrap();
+    browser.check("strange.js", &[&path]);
 }
 
 #[test]

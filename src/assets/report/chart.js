@@ -48,7 +48,8 @@ const LEFT = 62, RIGHT = 14, TOP = 26, BOTTOM = 40;
 // A drawing with axes, to which marks are added.
 function chart({ width, height, title, xs, ys, xLabel, label }) {
   const count = Math.max(2, Math.floor(width / 110));
-  const x = axis(xs, LEFT, width - RIGHT, count), y = axis(ys, height - BOTTOM, TOP, 5);
+  // marks at the ends stay clear of the border
+  const x = axis(xs, LEFT + 8, width - RIGHT - 8, count), y = axis(ys, height - BOTTOM - 8, TOP + 6, 5);
   const text = (at, attributes, words) => shape("text", { x: at[0].toFixed(1), y: at[1].toFixed(1), ...attributes }, words);
   const drawing = shape("svg", { class: "chart", viewBox: `0 0 ${width} ${height}`, width, height, role: "img", "aria-label": label },
     text([LEFT, 14], { class: "title" }, title),

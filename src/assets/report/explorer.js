@@ -171,8 +171,7 @@ function explorer() {
     section.scrollIntoView();
   }
 
-  place.hidden = false;
-  place.append(
+  place.replaceChildren(
     element("div", { class: "controls" },
       element("label", null, "Filter: words, or conditions such as name<0.01", filter),
       element("label", null, "Across and in the list", column)),

@@ -28,7 +28,7 @@ function trialDetail(known, trial, width) {
 // Parameters, beside those of the best trial where that is another one.
 function params(known, trial) {
   const other = known.best && known.best !== trial ? known.best : null;
-  const cell = (v) => element("td", { class: typeof v === "number" ? "number" : "" }, v === undefined ? "–" : typeof v === "number" ? brief(v) : String(v));
+  const cell = (v) => element("td", null, v === undefined ? "–" : brief(v));
   const rows = known.names.map((name, index) => [name, param(trial, index), other && param(other, index)])
     .filter(([, own, best]) => own !== undefined || (other && best !== undefined));
   const head = ["Parameter", `Trial ${trial.number}`, other ? `best (${other.number})` : null].filter(Boolean);
