@@ -122,7 +122,7 @@ fn sections(comparison: &Comparison, figure: &Figure) -> Vec<Section> {
     let settings = filled(tables::settings(comparison, usize::MAX));
     let search = filled(tables::search(comparison, For::Files));
     let sections = [
-        section("all-runs", "Runs").tables([&tables::runs(comparison)]),
+        section("subjects", "What is compared").tables([&tables::runs(comparison)]),
         identity,
         section("configuration", "Configuration").tables(&settings),
         section("all-errors", "Errors").tables(&tables::all_errors(comparison)),

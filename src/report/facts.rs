@@ -42,7 +42,12 @@ fn mae(run: &RunArtefacts, arm: Arm, quantity: Quantity) -> Option<&MetricRow> {
 fn with_interval(row: &MetricRow, unit: &str) -> String {
     let digits = digits(row.value);
     let number = |v| fixed(v, digits);
-    format!("{}{unit} [{}, {}]", number(row.value), number(row.ci_low), number(row.ci_high))
+    let interval = match row.n_panoramas {
+        // one panorama says nothing of others
+        0 | 1 => String::new(),
+        _ => format!(" [{}, {}]", number(row.ci_low), number(row.ci_high)),
+    };
+    format!("{}{unit}{interval}", number(row.value))
 }
 
 /// Rows of the small table under the summary.
@@ -80,14 +85,13 @@ pub fn numbers(run: &RunArtefacts, seconds: Option<f64>) -> Vec<KeyNumber> {
 fn error(run: &RunArtefacts, quantity: Quantity, name: &str, unit: &str) -> Option<KeyNumber> {
     let tuned = mae(run, Arm::Tuned, quantity)?;
     let digits = digits(tuned.value);
-    let mut note = format!("[{}, {}]", fixed(tuned.ci_low, digits), fixed(tuned.ci_high, digits));
-    if let Some(baseline) = mae(run, Arm::Baseline, quantity) {
-        note += &format!("; baseline {}{unit}", short(baseline.value));
-    }
+    let interval = format!("[{}, {}]", fixed(tuned.ci_low, digits), fixed(tuned.ci_high, digits));
+    let baseline = mae(run, Arm::Baseline, quantity).map(|baseline| format!("baseline {}{unit}", short(baseline.value)));
+    let notes = [(tuned.n_panoramas > 1).then_some(interval), baseline];
     Some(KeyNumber {
         name: format!("Mean absolute error of {name}, test"),
         value: format!("{}{unit}", fixed(tuned.value, digits)),
-        note,
+        note: notes.into_iter().flatten().collect::<Vec<_>>().join("; "),
         link: String::new(),
     })
 }
@@ -131,6 +135,7 @@ fn difference(c: &Comparison, name: &str, unit: &str) -> String {
     let number = |x| fixed(x, digits);
     let size = number(c.difference.abs());
     match c.excludes_zero {
+        _ if c.n_panoramas < 2 => format!("one test panorama says nothing of {name}"),
         true if c.difference < 0.0 => {
             format!("the error of {name} is smaller by {size}{unit} [{}, {}]", number(-c.ci_high), number(-c.ci_low))
         }

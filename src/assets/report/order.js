@@ -10,6 +10,7 @@ function compare(a, b, direction) {
 // Makes the heading of a column a button; `sort` is given 1, -1 or 0 for the order that there was before.
 function sorter(head, sort) {
   const button = element("button", { type: "button", class: "sort" }, ...head.childNodes);
+  if (!button.textContent.trim()) button.setAttribute("aria-label", "Sort by this column");
   head.append(button);
   button.addEventListener("click", () => {
     const next = { ascending: "descending", descending: "none" }[head.getAttribute("aria-sort")] ?? "ascending";

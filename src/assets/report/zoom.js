@@ -10,7 +10,7 @@ function zoom() {
   const dialog = element("dialog", { "aria-labelledby": "zoom-title" },
     element("div", { class: "bar" }, title,
       control("+", "Enlarge (+)", () => scale(1.4)), control("−", "Reduce (-)", () => scale(1 / 1.4)),
-      control("1:1", "Whole figure (0)", () => whole()), control("Close", "Close (Escape)", () => dialog.close())),
+      control("Fit", "Whole figure (0)", () => whole()), control("Close", "Close (Escape)", () => dialog.close())),
     place);
   document.body.append(dialog);
   let drawing = null, full = null, box = null;

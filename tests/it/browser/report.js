@@ -121,19 +121,22 @@ async function views(page) {
   await page.check("#show-estimate");
 }
 
-const paper = (page) => page.evaluate(() => getComputedStyle(document.body).backgroundColor);
+const LIGHT = "rgb(255, 255, 255)";
+const DARK = "rgb(21, 24, 28)";
+// waits, because a change of the system's colours is told to pages a little later
+const paper = (page, colour) => page.waitForFunction((c) => getComputedStyle(document.body).backgroundColor === c, colour, { timeout: 3000 });
 
 async function looks(page) {
-  assert.equal(await paper(page), "rgb(255, 255, 255)");
+  await paper(page, LIGHT);
   await page.emulateMedia({ colorScheme: "dark" });
-  assert.equal(await paper(page), "rgb(21, 24, 28)");
+  await paper(page, DARK);
   await page.evaluate(() => scrollTo(0, 0));
   await picture(page, "dark");
   await page.emulateMedia({ colorScheme: "light" });
   await page.click("#theme");
-  assert.equal(await paper(page), "rgb(21, 24, 28)");
+  await paper(page, DARK);
   await page.emulateMedia({ media: "print" });
-  assert.equal(await paper(page), "rgb(255, 255, 255)");
+  await paper(page, LIGHT);
   for (const hidden of ["nav", ".controls", ".list"]) assert.ok(await page.isHidden(hidden), hidden);
   assert.ok(await page.isVisible("#trial h3"));
   const pdf = await page.pdf({ format: "A4" });
