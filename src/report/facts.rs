@@ -86,7 +86,8 @@ fn error(run: &RunArtefacts, quantity: Quantity, name: &str, unit: &str) -> Opti
     let tuned = mae(run, Arm::Tuned, quantity)?;
     let digits = digits(tuned.value);
     let interval = format!("[{}, {}]", fixed(tuned.ci_low, digits), fixed(tuned.ci_high, digits));
-    let baseline = mae(run, Arm::Baseline, quantity).map(|baseline| format!("baseline {}{unit}", short(baseline.value)));
+    let baseline =
+        mae(run, Arm::Baseline, quantity).map(|baseline| format!("baseline {}{unit}", short(baseline.value)));
     let notes = [(tuned.n_panoramas > 1).then_some(interval), baseline];
     Some(KeyNumber {
         name: format!("Mean absolute error of {name}, test"),

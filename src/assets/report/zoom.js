@@ -41,6 +41,7 @@ function zoom() {
   function open(figure, svg) {
     drawing = svg.cloneNode(true);
     drawing.setAttribute("class", "large");
+    drawing.removeAttribute("aria-hidden");
     for (const name of ["width", "height"]) drawing.removeAttribute(name);
     dialog.classList.toggle("plot", figure.classList.contains("plot"));
     const { x, y, width, height } = svg.viewBox.baseVal;
@@ -78,6 +79,8 @@ function zoom() {
     const svg = figure.querySelector("svg");
     const label = figure.querySelector("h3")?.textContent ?? svg.getAttribute("aria-label");
     const button = element("button", { type: "button", class: "enlarge", "aria-label": `Enlarge: ${label}` });
+    // the button says what it shows
+    svg.setAttribute("aria-hidden", "true");
     svg.replaceWith(button);
     button.append(svg);
     button.addEventListener("click", () => open(figure, svg));
