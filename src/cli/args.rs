@@ -68,6 +68,8 @@ pub enum Command {
     Compare(CompareArgs),
     /// Make the tables of finished runs from their artefacts, beside the published values; nothing is trained.
     Tables(TablesArgs),
+    /// Write the `report.html` of finished runs anew from their artefacts; nothing is trained.
+    Report(ReportArgs),
     /// List runs: state, seed, best value, trials, age and size, newest first.
     Runs(RunsArgs),
     /// Follow a run in the terminal.
@@ -174,7 +176,7 @@ pub struct CompareArgs {
     /// Whose errors are compared.
     #[arg(long, value_enum, default_value = "tuned")]
     pub arm: ArmArg,
-    /// Write the comparison to DIR: `comparison.json`, tables, and the figure of the searches.
+    /// Write the comparison to DIR: `report.html`, `comparison.json`, tables, and the figure of the searches.
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
 }
@@ -250,6 +252,14 @@ pub struct TablesArgs {
     /// Write them to this folder, as Markdown, LaTeX, CSV and Parquet, instead of printing them.
     #[arg(long, value_name = "DIR", conflicts_with = "format")]
     pub out: Option<PathBuf>,
+}
+
+/// `panotune report`.
+#[derive(Debug, Clone, Args)]
+pub struct ReportArgs {
+    /// Folders of finished runs.
+    #[arg(value_name = "RUN", required = true)]
+    pub runs: Vec<String>,
 }
 
 /// Formats in which tables are printed.

@@ -12,6 +12,7 @@ mod gc;
 mod interrupt;
 mod plan;
 mod progress;
+mod report;
 mod run;
 mod runs;
 mod serve;
@@ -84,6 +85,7 @@ fn dispatch(cli: &Cli) -> Result<(), Failure> {
         Command::Verify(args) => verify::verify(&cli.global, args),
         Command::Compare(args) => compare::compare(&cli.global, args),
         Command::Tables(args) => tables::tables(&cli.global, args),
+        Command::Report(args) => report::report(&cli.global, args),
         Command::Runs(args) => runs::runs(&cli.global, args),
         Command::Watch(args) => watch::watch(&cli.global, args),
         Command::Serve(args) => serve::serve(&cli.global, args),

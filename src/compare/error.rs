@@ -92,6 +92,9 @@ pub enum Error {
     /// Figures.
     #[error(transparent)]
     Figures(#[from] crate::figures::Error),
+    /// The page.
+    #[error(transparent)]
+    Report(#[from] crate::report::Error),
 }
 
 impl Classify for Error {
@@ -102,6 +105,7 @@ impl Classify for Error {
             Error::Evaluate(e) => e.class(),
             Error::Write(e) => e.class(),
             Error::Figures(e) => e.class(),
+            Error::Report(e) => e.class(),
             _ => Class::Input,
         }
     }

@@ -7,12 +7,14 @@ mod find;
 mod groups;
 mod identity;
 mod metrics;
+mod page;
 mod run;
 mod settings;
 mod show;
 mod tables;
 mod tolerance;
 mod verdict;
+mod words;
 
 pub use curves::{CurvePoint, SearchCurve};
 pub use error::Error;

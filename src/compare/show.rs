@@ -2,11 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use super::identity::{Identity, State};
+use super::identity::Identity;
 use super::tables::{self, For};
-use super::{Comparison, Error};
+use super::{Comparison, Error, page, words};
 use crate::figures::{self, Curve, Figure};
-use crate::store::write_json;
+use crate::store::{self, write_json};
 use crate::tables::{Table, plain_within, wrapped, write as write_tables};
 
 /// Width of what is printed.
@@ -48,58 +48,45 @@ fn print(table: &Table) -> String {
 
 /// Whether a pair is the same; if not, where first, what else unless it is to be `brief`, and what may be the reason.
 fn identity(identity: &Identity, brief: bool) -> String {
-    let count = |state| identity.artefacts.iter().filter(|artefact| artefact.state == state).count();
-    let (all, same) = (identity.artefacts.len(), count(State::Same));
-    let (a, b) = (&identity.first, &identity.second);
+    let sentences = words::identity(identity);
     let mut text = match &identity.first_difference {
-        None => format!("{a} and {b} are the same to the byte: {all} exact artefacts.\n"),
+        None => format!("{}\n", sentences.result),
         Some(found) => format!(
-            "{a} and {b} differ, first in\n{}{} of {all} exact artefacts are not the same.\n{}",
+            "{} and {} differ, first in\n{}{}\n{}",
+            identity.first,
+            identity.second,
             wrapped(&found.to_string(), WIDTH),
-            all - same,
+            words::not_the_same(identity),
             if brief { String::new() } else { format!("\n{}", plain_within(&tables::artefacts(identity), WIDTH)) }
         ),
     };
-    let fields = identity.provenance.iter().filter(|_| !identity.same);
-    let fields: Vec<String> = fields.map(|(field, [first, second])| format!("{field} ({first}; {second})")).collect();
-    if !fields.is_empty() {
-        text += &wrapped(&format!("Made with another {}.", fields.join(", ")), WIDTH);
-    }
-    if identity.by_checksum > 0 {
-        text += &wrapped(&format!("Of {} artefacts a folder has only the checksum.", identity.by_checksum), WIDTH);
-    }
-    if !identity.damaged.is_empty() {
-        text += &wrapped(&format!("Not as the run wrote it: {}.", identity.damaged.join(", ")), WIDTH);
-    }
+    sentences.reasons.iter().for_each(|sentence| text += &wrapped(sentence, WIDTH));
     text
 }
 
 fn metrics_only(comparison: &Comparison, tolerance: f64) -> String {
-    let how = if tolerance == 0.0 { "to the bit".to_owned() } else { format!("within {tolerance} of themselves") };
+    let how = words::how_near(tolerance);
     match &comparison.first_difference {
         None => format!("All metrics are the same {how}.\n"),
         Some(found) => format!("Metrics are not the same {how}, first in\n{}", wrapped(&found.to_string(), WIDTH)),
     }
 }
 
-/// Writes `comparison.json`, `tables/` and `figures/` into `dir`; gives the paths written.
+/// Writes `comparison.json`, `tables/`, `figures/` and `report.html` into `dir`; gives the paths written.
 ///
 /// # Errors
 /// Those of the disk.
 pub fn write(dir: &Path, comparison: &Comparison) -> Result<Vec<PathBuf>, Error> {
     let path = dir.join("comparison.json");
     write_json(&path, comparison)?;
-    let mut tables =
-        vec![tables::runs(comparison), tables::every_artefact(comparison), tables::settings(comparison, usize::MAX)];
-    tables.extend(comparison.metrics.iter().map(|pair| tables::errors(comparison, pair, For::Files)));
-    tables.extend((!comparison.spreads.is_empty()).then(|| tables::spread(comparison)));
-    tables.extend(comparison.groups.iter().map(|pair| tables::groups(comparison, pair, For::Files)));
-    tables.push(tables::search(comparison, For::Files));
-    tables.retain(|table| !table.rows.is_empty());
+    let tables = tables::filed(comparison);
     write_tables(&dir.join("tables"), &tables)?;
+    let figure = figure(comparison)?;
+    let page = dir.join("report.html");
+    store::write(&page, page::page(comparison, &figure).render()?.as_bytes())?;
     let written = tables.iter().map(|table| dir.join("tables").join(format!("{}.md", table.id)));
-    let mut paths: Vec<PathBuf> = std::iter::once(path).chain(written).collect();
-    paths.extend(figures::write(&dir.join("figures"), &[figure(comparison)?])?);
+    let mut paths: Vec<PathBuf> = [page, path].into_iter().chain(written).collect();
+    paths.extend(figures::write(&dir.join("figures"), &[figure])?);
     Ok(paths)
 }
 

@@ -18,6 +18,23 @@ fn table(id: &str, title: String, columns: Vec<Column>) -> Table {
     Table { id: id.to_owned(), number: None, title, columns, rows: Vec::new(), notes: Vec::new() }
 }
 
+/// The tables that a comparison leaves as files; those with rows.
+pub(super) fn filed(comparison: &Comparison) -> Vec<Table> {
+    let mut tables = vec![runs(comparison), every_artefact(comparison), settings(comparison, usize::MAX)];
+    tables.extend(all_errors(comparison));
+    tables.push(search(comparison, For::Files));
+    tables.retain(|table| !table.rows.is_empty());
+    tables
+}
+
+/// Errors of pairs and groups, with everything there is; those with rows.
+pub(super) fn all_errors(comparison: &Comparison) -> Vec<Table> {
+    let pairs = comparison.metrics.iter().map(|pair| errors(comparison, pair, For::Files));
+    let spreads = (!comparison.spreads.is_empty()).then(|| spread(comparison));
+    let contrasts = comparison.groups.iter().map(|pair| groups(comparison, pair, For::Files));
+    pairs.chain(spreads).chain(contrasts).filter(|table| !table.rows.is_empty()).collect()
+}
+
 /// The runs and what they are called.
 pub(super) fn runs(comparison: &Comparison) -> Table {
     let columns = [("label", ""), ("run", "Run"), ("seed", "Seed"), ("profile", "Profile")];

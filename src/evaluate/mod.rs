@@ -18,6 +18,7 @@ pub use files::{
     write_metrics, write_predictions,
 };
 pub use metrics::{ErrorStatistics, error_statistics, rows};
+pub use sample::bearing_error_deg;
 pub use seeds::{SeedContrast, SeedSpread, seed_contrasts, seed_spread};
 
 pub(crate) use columns::{number_column, text_column, to_parquet};

@@ -135,6 +135,12 @@ pub(super) fn label_and_estimate(quantity: Quantity, p: &Prediction, image_px: u
     }
 }
 
+/// Mean angle in degrees between the rays of a view's true and estimated camera, on a grid over the image of `image_px`.
+/// An estimate outside the camera model (f < 1 px, ξ < 0) is moved to its edge.
+pub fn bearing_error_deg(prediction: &Prediction, image_px: u32) -> f64 {
+    label_and_estimate(Quantity::BearingDeg, prediction, image_px).1
+}
+
 /// Sums over the views of one panorama, from which every statistic of a resample is formed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Sums {

@@ -6,11 +6,12 @@ use serde_json::json;
 
 use super::Curve;
 use crate::config::spec::{Experiment, NetworkKind};
-use crate::dataset::Subset;
+use crate::dataset::{Subset, View};
 use crate::evaluate::{Arm, Metric, MetricRow, Prediction, Quantity};
 use crate::search::TrialState;
 use crate::tables::artefacts::{
-    FlowStep, Gallery, GalleryView, ImportanceRow, LayerRow, ParamValue, Picture, RunArtefacts, TrialArtefact,
+    EstimatedView, FlowStep, Gallery, GalleryView, ImportanceRow, LayerRow, ParamValue, Picture, Place, RunArtefacts,
+    TrialArtefact,
 };
 use crate::train::EpochRecord;
 
@@ -432,7 +433,34 @@ fn gallery() -> Gallery {
         .map(|(f, xi)| view(f, xi))
         .collect();
     let samples = (0..12).map(|i| view(50.0 + 40.0 * f64::from(i), 0.1 * f64::from(i))).collect();
-    Gallery { panorama: "room-0042".to_owned(), panorama_image: picture(600, 300, 80.0, 0.5), grid, samples }
+    let panorama_image = picture(600, 300, 80.0, 0.5);
+    Gallery { panorama: "room-0042".to_owned(), panorama_image, grid, samples, estimated: vec![estimated()] }
+}
+
+fn estimated() -> EstimatedView {
+    let (f_px, xi) = (220.0, 0.8);
+    let view = View {
+        index: 17,
+        panorama: "room-0042".to_owned(),
+        subset: Subset::Test,
+        f_px,
+        xi,
+        yaw_deg: 20.0,
+        pitch_deg: -10.0,
+        roll_deg: 5.0,
+    };
+    EstimatedView {
+        place: Place::Best,
+        bearing_error_deg: 1.5,
+        prediction: Prediction::of(&view, 240.0, 0.7),
+        shown: GalleryView {
+            f_px,
+            xi,
+            view: Some(view),
+            file: "estimated_0000.png".to_owned(),
+            image: picture(150, 150, f_px, xi),
+        },
+    }
 }
 
 /// Checks and rings: something with edges.

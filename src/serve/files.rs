@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::response::{Response, Status};
+use super::response::{PAGE_TYPE, Response, Status};
 use crate::store::{open_inside, safe_segments};
 
 /// The file `path` in the folder of a finished run; hidden files and links are not there.
@@ -10,7 +10,10 @@ pub fn file(run: &Path, path: &str) -> Response {
     let absent = || Response::text(Status::NotFound, "the run has no such file");
     let Some(segments) = safe_segments(path) else { return absent() };
     match open_inside(run, &segments) {
-        Ok(Some((file, bytes))) => Response::file(content_type(path), file, bytes),
+        Ok(Some((file, bytes))) => match content_type(path) {
+            PAGE_TYPE => Response::report(file, bytes),
+            other => Response::file(other, file, bytes),
+        },
         Ok(None) => absent(),
         Err(_) => Response::text(Status::Failed, "the file cannot be read"),
     }
@@ -19,7 +22,7 @@ pub fn file(run: &Path, path: &str) -> Response {
 /// What browsers are told that a file is, by its ending. Text that they would save is shown as plain text.
 fn content_type(path: &str) -> &'static str {
     match path.rsplit(['.', '/']).next().unwrap_or_default() {
-        "html" => "text/html; charset=utf-8",
+        "html" => PAGE_TYPE,
         "svg" => "image/svg+xml",
         "png" => "image/png",
         "csv" => "text/csv; charset=utf-8",

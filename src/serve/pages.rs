@@ -14,10 +14,22 @@ use super::response::{Response, Status};
 use crate::live::{self, State};
 use crate::store::{self, RunName, files_below};
 
+/// A page's script behind what all pages need.
+macro_rules! script {
+    ($own:literal) => {
+        concat!(
+            "\"use strict\";\n",
+            include_str!("../assets/shared/element.js"),
+            include_str!("../assets/serve/common.js"),
+            include_str!($own)
+        )
+    };
+}
+
 const PAGE: &str = include_str!("../assets/serve/page.html");
-const STYLE: &str = include_str!("../assets/serve/page.css");
-const LIST_SCRIPT: &str = concat!(include_str!("../assets/serve/common.js"), include_str!("../assets/serve/list.js"));
-const RUN_SCRIPT: &str = concat!(include_str!("../assets/serve/common.js"), include_str!("../assets/serve/run.js"));
+const STYLE: &str = concat!(include_str!("../assets/shared/base.css"), include_str!("../assets/serve/page.css"));
+const LIST_SCRIPT: &str = script!("../assets/serve/list.js");
+const RUN_SCRIPT: &str = script!("../assets/serve/run.js");
 
 /// A list is made anew after this time, or after ten times what it took, if that is more.
 const LIST_LIFE: Duration = Duration::from_secs(1);

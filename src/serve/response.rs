@@ -2,9 +2,17 @@
 
 use std::fs::File;
 
+use crate::report;
+
+/// The type of pages.
+pub const PAGE_TYPE: &str = "text/html; charset=utf-8";
+
 /// What browsers may do with files of a run: show them with the images beside them, run nothing, fetch nothing else.
 const FILE_POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; img-src 'self' data:; font-src data:; sandbox allow-same-origin \
      allow-downloads";
+/// The same for reports, without what their script may do.
+const REPORT_POLICY: &str =
+    "default-src 'none'; style-src 'unsafe-inline'; img-src 'self' data:; base-uri 'none'; form-action 'none'";
 /// The same for answers without a page.
 const DATA_POLICY: &str = "default-src 'none'; sandbox";
 
@@ -87,12 +95,18 @@ impl Response {
 
     /// A page of our own, with the policy that allows its style and script.
     pub fn page(html: &str, policy: &str) -> Self {
-        Self::new(Status::Ok, "text/html; charset=utf-8", policy, Body::Bytes(html.as_bytes().to_vec()))
+        Self::new(Status::Ok, PAGE_TYPE, policy, Body::Bytes(html.as_bytes().to_vec()))
     }
 
     /// A file of a run.
     pub fn file(content_type: &'static str, file: File, bytes: u64) -> Self {
         Self::new(Status::Ok, content_type, FILE_POLICY, Body::File(file, bytes))
+    }
+
+    /// A page of a run: it may run the script that this program gives its reports, and no other.
+    pub fn report(file: File, bytes: u64) -> Self {
+        let policy = format!("{REPORT_POLICY}; script-src {}", report::script_source());
+        Self::new(Status::Ok, PAGE_TYPE, &policy, Body::File(file, bytes))
     }
 
     /// The answer to a request for the head alone, if `head_only`.

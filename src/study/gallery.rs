@@ -1,13 +1,15 @@
-//! The pictures of Figures 3 and 4: a panorama, views of it over f and ξ, and views of the dataset.
+//! The pictures of Figures 3 and 4 and of the report: a panorama, views of it over f and ξ, views of the dataset, and the
+//! views that were estimated best and worst.
 
 use super::Error;
 use crate::camera::Camera;
 use crate::config::spec::{DatasetSpec, Experiment};
 use crate::dataset::{self, Dataset, Subset, View};
+use crate::evaluate::{Prediction, bearing_error_deg};
 use crate::panorama::{Catalogue, Equirect};
 use crate::rng;
 use crate::store::RunFolder;
-use crate::tables::artefacts::{Gallery, GalleryView, Picture};
+use crate::tables::artefacts::{EstimatedView, Gallery, GalleryView, Picture, Place};
 use crate::tables::write_gallery;
 
 /// Focal lengths (columns) and distortions (rows) of Figure 3.
@@ -15,15 +17,18 @@ const COLUMNS: usize = 4;
 const ROWS: usize = 3;
 /// Views of Figure 4.
 const SAMPLES: usize = 12;
+/// Views with estimates of each place: best, typical and worst.
+const ESTIMATED: usize = 4;
 /// Widest panorama that is shown.
 const SHOWN_WIDTH: usize = 1024;
 
-/// Writes `gallery.json` and `gallery/`.
+/// Writes `gallery.json` and `gallery/`; `estimates` are those of the tuned arm's first refit.
 pub(super) fn write(
     spec: &Experiment,
     folder: &RunFolder,
     catalogue: &Catalogue,
     dataset: &Dataset,
+    estimates: &[Prediction],
 ) -> Result<(), Error> {
     let mut draw = rng::stream(spec.seed, "gallery", &[], "choice");
     let panoramas = catalogue.panoramas();
@@ -45,6 +50,7 @@ pub(super) fn write(
         panorama_image: shown(image),
         grid: grid.collect(),
         samples: samples(dataset, &mut draw),
+        estimated: estimated(dataset, estimates),
     };
     Ok(write_gallery(folder.path(), &gallery)?)
 }
@@ -87,15 +93,47 @@ fn samples(dataset: &Dataset, draw: &mut rng::Stream) -> Vec<GalleryView> {
         new
     });
     views.truncate(SAMPLES);
+    let sample = |(i, view)| shown_view(dataset, view, format!("sample_{i:02}.png"));
+    views.into_iter().enumerate().map(sample).collect()
+}
+
+fn shown_view(dataset: &Dataset, view: &View, file: String) -> GalleryView {
     let side = dataset.image_px();
-    let sample = |(i, view): (usize, &View)| GalleryView {
+    let rgb = dataset.pixels(view.index as usize).to_vec();
+    GalleryView {
         f_px: view.f_px,
         xi: view.xi,
         view: Some(view.clone()),
-        file: format!("sample_{i:02}.png"),
-        image: Picture { width: side, height: side, rgb: dataset.pixels(view.index as usize).to_vec() },
+        file,
+        image: Picture { width: side, height: side, rgb },
+    }
+}
+
+/// Test views by rising bearing error: from the beginning, from around the middle, from the end. None is shown twice.
+fn estimated(dataset: &Dataset, estimates: &[Prediction]) -> Vec<EstimatedView> {
+    let error = |p: &Prediction| bearing_error_deg(p, dataset.image_px());
+    let of_test = estimates.iter().filter(|p| p.subset == Subset::Test);
+    let mut ordered: Vec<(f64, &Prediction)> = of_test.map(|p| (error(p), p)).collect();
+    ordered.sort_by(|(a, p), (b, q)| a.total_cmp(b).then(p.view.cmp(&q.view)));
+    let chosen = places(ordered.len()).into_iter().map(|(i, place)| (i, place, ordered[i]));
+    let shown = |(i, place, (error, prediction)): (usize, Place, (f64, &Prediction))| {
+        let view = dataset.views().iter().find(|v| v.index == prediction.view)?;
+        Some(EstimatedView {
+            place,
+            bearing_error_deg: error,
+            prediction: prediction.clone(),
+            shown: shown_view(dataset, view, format!("estimated_{i:04}.png")),
+        })
     };
-    views.into_iter().enumerate().map(sample).collect()
+    chosen.filter_map(shown).collect()
+}
+
+/// Which of `n` ordered views are shown, and as what.
+fn places(n: usize) -> Vec<(usize, Place)> {
+    let each = ESTIMATED.min(n / 3);
+    let middle = (n - each) / 2;
+    let places = [(0, Place::Best), (middle, Place::Typical), (n - each, Place::Worst)];
+    places.into_iter().flat_map(|(begin, place)| (begin..begin + each).map(move |i| (i, place))).collect()
 }
 
 /// The panorama, made smaller by averaging whole blocks until it is at most [`SHOWN_WIDTH`] wide.
@@ -113,4 +151,18 @@ fn shown(image: Equirect<'_>) -> Picture {
         }
     }
     Picture { width: width as u32, height: height as u32, rgb }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn few_views_are_not_shown_twice() {
+        let at = |n| places(n).into_iter().map(|(i, _)| i).collect::<Vec<_>>();
+        assert_eq!(at(2), Vec::<usize>::new());
+        assert_eq!(at(3), [0, 1, 2]);
+        assert_eq!(at(11), [0, 1, 2, 4, 5, 6, 8, 9, 10]);
+        assert_eq!(at(240), [0, 1, 2, 3, 118, 119, 120, 121, 236, 237, 238, 239]);
+    }
 }

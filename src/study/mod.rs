@@ -24,7 +24,7 @@ mod verify;
 mod weights;
 
 pub use error::Error;
-pub use outputs::summary;
+pub use outputs::{summary, write_report};
 pub use plan::plan;
 pub use seeds::{run_seeds, summary_over_seeds};
 pub use suite::run_suite;
@@ -38,6 +38,7 @@ use serde_json::json;
 use crate::config::LoadedExperiment;
 use crate::config::spec::{Experiment, Kind};
 use crate::error::{Class, Classify};
+use crate::evaluate::Arm;
 use crate::kernel;
 use crate::pipeline::events::Events;
 use crate::pipeline::progress::Progress;
@@ -172,8 +173,9 @@ fn study(
     let refits = || arms::refit(spec, options, folder, &training, &searched.best, views, stages);
     let predictions = stages.timed_trainings(&work("refit", 2 * spec.evaluation.refit_seeds), refits)?;
 
-    stages
+    let predictions = stages
         .timed("evaluation", 1.0, || networks::evaluate(spec, folder, predictions, &dataset.value, &spectra.value))?;
+    let estimates = predictions.get(&Arm::Tuned).and_then(|refits| refits.first()).map_or(&[][..], Vec::as_slice);
     stages.timed("report", 1.0, || {
         let subject = describe::Subject {
             spec,
@@ -184,7 +186,7 @@ fn study(
             network: &searched.best.0,
         };
         describe::write(folder, &subject)?;
-        gallery::write(spec, folder, &catalogue.value, &dataset.value)?;
+        gallery::write(spec, folder, &catalogue.value, &dataset.value, estimates)?;
         outputs::write(folder)
     })?;
     inference::measure(folder, &training, views, &image)?;

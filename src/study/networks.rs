@@ -169,14 +169,15 @@ fn unseen(views: &[View]) -> impl Iterator<Item = &View> {
     views.iter().filter(|v| v.subset != Subset::Train)
 }
 
-/// Writes what each arm and the controls predict on validation and test, and the metrics that follow.
+/// Writes what each arm and the controls predict on validation and test, and the metrics that follow; gives the
+/// predictions of all.
 pub(super) fn evaluate(
     spec: &Experiment,
     run: &RunFolder,
     mut predictions: BTreeMap<Arm, Vec<Vec<Prediction>>>,
     dataset: &Dataset,
     spectra: &[Vec<f64>],
-) -> Result<(), Error> {
+) -> Result<BTreeMap<Arm, Vec<Vec<Prediction>>>, Error> {
     let views = dataset.views();
     let controls = [
         (Arm::PredictMean, evaluate::predict_the_mean(views)?),
@@ -197,5 +198,6 @@ pub(super) fn evaluate(
         write_arm_predictions(run.path(), *arm, refits)?;
     }
     evaluate::write_comparisons(&run.join("comparisons.json"), &comparisons)?;
-    Ok(evaluate::write_metrics(&run.join("metrics.json"), &metrics)?)
+    evaluate::write_metrics(&run.join("metrics.json"), &metrics)?;
+    Ok(predictions)
 }

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use super::inputs::Inputs;
 use super::networks::{self, Network, Settings, Training};
+use super::outputs;
 use super::stages::{Epochs, Stages, TrainingWork, Views};
 use super::trainings::Which;
 use super::{Error, Options};
@@ -39,6 +40,7 @@ pub(super) fn execute(
         let predictions = vec![networks::of_tuned(&network, dataset.value.views(), &image)?];
         networks::evaluate(spec, folder, BTreeMap::from([(Arm::Tuned, predictions)]), &dataset.value, &spectra.value)
     })?;
+    outputs::write_pretraining(folder)?;
     Ok(&EXACT)
 }
 

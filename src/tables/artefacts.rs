@@ -29,7 +29,7 @@ pub struct RunArtefacts {
     pub layers: Vec<LayerRow>,
     /// `curves/<arm>-<refit>.parquet`: training curves of the refits.
     pub refit_curves: BTreeMap<Arm, Vec<Vec<EpochRecord>>>,
-    /// `gallery.json` and its PNG files: the panorama and the views that Figures 3 and 4 show.
+    /// `gallery.json` and its PNG files: the panorama and the views that Figures 3 and 4 show, and views with their estimates.
     pub gallery: Gallery,
     /// `flow.json`: stages of this run with what went in and came out, for Figures 6 and 7.
     pub flow: Vec<FlowStep>,
@@ -106,6 +106,35 @@ pub struct Gallery {
     pub grid: Vec<GalleryView>,
     /// Views of the dataset, of different panoramas (Figure 4).
     pub samples: Vec<GalleryView>,
+    /// Test views with the tuned arm's estimates: the best, some in the middle, the worst, by rising error. Galleries of
+    /// older runs have none.
+    #[serde(default)]
+    pub estimated: Vec<EstimatedView>,
+}
+
+/// A test view with what the first refit of the tuned arm says of it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct EstimatedView {
+    /// Where it stands among all test views.
+    pub place: Place,
+    /// Mean angle in degrees between the rays of the true and the estimated camera, by which the views are ordered.
+    pub bearing_error_deg: f64,
+    /// Label and estimate.
+    pub prediction: Prediction,
+    /// The view and its picture.
+    pub shown: GalleryView,
+}
+
+/// Where an estimate stands among all estimates of its arm.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Place {
+    /// Among those with the smallest errors.
+    Best,
+    /// Around the middle.
+    Typical,
+    /// Among those with the largest errors.
+    Worst,
 }
 
 /// One view of the gallery.

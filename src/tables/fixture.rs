@@ -167,6 +167,12 @@ fn gallery() -> Gallery {
         panorama_image: picture(16, 8),
         grid: vec![view("grid-0-0.png", None)],
         samples: vec![view("sample-0.png", views().into_iter().next())],
+        estimated: vec![EstimatedView {
+            place: Place::Worst,
+            bearing_error_deg: 3.5,
+            prediction: refit(0.7, 10).remove(0),
+            shown: view("estimated-0.png", views().into_iter().next()),
+        }],
     }
 }
 

@@ -23,7 +23,8 @@ fn picture_path(run: &Path, file: &str) -> PathBuf {
 /// A picture whose bytes do not fit its size, a file name that is more than a name, and those of the disk.
 pub fn write_gallery(run: &Path, gallery: &Gallery) -> Result<(), WriteError> {
     write_picture(run, PANORAMA, &gallery.panorama_image)?;
-    for view in gallery.grid.iter().chain(&gallery.samples) {
+    let estimated = gallery.estimated.iter().map(|e| &e.shown);
+    for view in gallery.grid.iter().chain(&gallery.samples).chain(estimated) {
         write_picture(run, &view.file, &view.image)?;
     }
     Ok(store::write_json(&run.join("gallery.json"), gallery)?)
@@ -62,7 +63,8 @@ pub(super) fn read_gallery(run: &Path) -> Result<Gallery, ReadError> {
         view.image = read_picture(run, &view.file)?;
         Ok(())
     };
-    gallery.grid.iter_mut().chain(&mut gallery.samples).try_for_each(fill)?;
+    let estimated = gallery.estimated.iter_mut().map(|e| &mut e.shown);
+    gallery.grid.iter_mut().chain(&mut gallery.samples).chain(estimated).try_for_each(fill)?;
     Ok(gallery)
 }
 

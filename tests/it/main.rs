@@ -5,6 +5,7 @@
 
 mod architecture;
 mod bad_input;
+mod browser;
 mod command_line;
 mod compare;
 mod http;
@@ -13,6 +14,7 @@ mod optuna_storage;
 mod panoramas;
 mod pins;
 mod real_data;
+mod reports;
 mod reruns;
 mod run_folders;
 mod serve;

@@ -53,6 +53,11 @@ fn a_pretraining_is_exact_and_its_weights_are_trained_on() {
     let full = begun.elapsed();
     assert_equal(&pretrained, &killed(other.path(), &format!("{PRETRAINING} --threads 1"), full));
 
+    let page = std::fs::read_to_string(pretrained.join("report.html")).unwrap();
+    assert!(
+        page.contains("trained network") && page.contains("id=\"loss_curves\"") && !page.contains("href=\"tables/")
+    );
+
     let file = pretrained.join("weights/pretrain_inception.safetensors");
     for results in [one.path(), other.path()] {
         succeed(panotune(results).args(["weights", "add"]).arg(&file).args(["--as", "mine"]));

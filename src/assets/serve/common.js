@@ -1,25 +1,8 @@
-"use strict";
-
-// Text is only ever set as text, so nothing that a run says can become markup.
-function element(name, attributes, ...children) {
-  const made = document.createElement(name);
-  for (const [key, value] of Object.entries(attributes || {})) made.setAttribute(key, value);
-  made.append(...children.filter((child) => child !== null && child !== undefined));
-  return made;
-}
-
 function size(bytes) {
   const units = ["B", "kB", "MB", "GB", "TB"];
   let unit = 0;
   while (bytes >= 999.5 && unit < units.length - 1) { bytes /= 1000; unit += 1; }
   return `${unit === 0 || bytes >= 9.95 ? bytes.toFixed(0) : bytes.toFixed(1)} ${units[unit]}`;
-}
-
-function duration(seconds) {
-  const s = Math.max(0, Math.round(seconds));
-  if (s < 60) return `${s} s`;
-  if (s < 3600) return `${Math.floor(s / 60)} min ${String(s % 60).padStart(2, "0")} s`;
-  return `${Math.floor(s / 3600)} h ${String(Math.floor((s % 3600) / 60)).padStart(2, "0")} min`;
 }
 
 function age(changed) {
@@ -28,10 +11,6 @@ function age(changed) {
   if (s < 3600) return `${Math.floor(s / 60)} min`;
   if (s < 86400) return `${Math.floor(s / 3600)} h`;
   return `${Math.floor(s / 86400)} d`;
-}
-
-function value(x) {
-  return x === null || x === undefined ? "–" : x.toFixed(Math.abs(x) >= 100 ? 2 : 5);
 }
 
 function done(trials) {
@@ -43,10 +22,6 @@ function done(trials) {
 // A part that scrolls sideways by itself where it does not fit; reachable by keyboard.
 function wide(label, part) {
   return element("div", { class: "wide", tabindex: "0", role: "region", "aria-label": label }, part);
-}
-
-function state(word) {
-  return element("span", { class: `state ${word}` }, word);
 }
 
 function path(run) {

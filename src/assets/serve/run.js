@@ -8,20 +8,13 @@ function fact(name, text) {
 }
 
 function curve(values) {
-  const space = "http://www.w3.org/2000/svg";
-  const drawing = document.createElementNS(space, "svg");
-  drawing.setAttribute("class", "curve");
-  drawing.setAttribute("viewBox", "0 0 100 20");
-  drawing.setAttribute("preserveAspectRatio", "none");
-  drawing.setAttribute("role", "img");
-  drawing.setAttribute("aria-label", values.length ? `from ${value(values[0])} to ${value(values.at(-1))}` : "no values yet");
+  const label = values.length ? `from ${value(values[0])} to ${value(values.at(-1))}` : "no values yet";
   const [low, high] = [Math.min(...values), Math.max(...values)];
   const y = (v) => (high > low ? 19 - 18 * (v - low) / (high - low) : 10);
   const x = (i) => (values.length > 1 ? 100 * i / (values.length - 1) : 0);
-  const line = document.createElementNS(space, "polyline");
-  line.setAttribute("points", values.map((v, i) => `${x(i).toFixed(1)},${y(v).toFixed(1)}`).join(" "));
-  drawing.append(line);
-  return drawing;
+  const points = values.map((v, i) => `${x(i).toFixed(1)},${y(v).toFixed(1)}`).join(" ");
+  return shape("svg", { class: "curve", viewBox: "0 0 100 20", preserveAspectRatio: "none", role: "img", "aria-label": label },
+    shape("polyline", { points }));
 }
 
 function params(trial) {
