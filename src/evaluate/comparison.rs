@@ -62,8 +62,9 @@ pub fn reduction_percent(without: f64, with: f64) -> f64 {
     100.0 * (without.abs() - with.abs()) / without.abs()
 }
 
-const PAIRS: [(Arm, Arm); 5] = [
+const PAIRS: [(Arm, Arm); 6] = [
     (Arm::Tuned, Arm::Baseline),
+    (Arm::Ensemble, Arm::Tuned),
     (Arm::Tuned, Arm::PredictMean),
     (Arm::Tuned, Arm::SpectrumControl),
     (Arm::Baseline, Arm::PredictMean),

@@ -5,6 +5,7 @@ mod camera;
 mod columns;
 mod comparison;
 mod controls;
+mod ensemble;
 mod files;
 mod metrics;
 mod sample;
@@ -13,6 +14,7 @@ mod seeds;
 pub use between::{CONTRASTED, Contrast, ContrastMethod, Contrasts, contrasts, why_unpaired};
 pub use comparison::{Comparison, Reduction, comparisons, reduction_percent};
 pub use controls::{PENALTIES, predict_the_mean, spectrum_control};
+pub use ensemble::mean_estimates;
 pub use files::{
     FileError, read_comparisons, read_curve, read_metrics, read_predictions, write_comparisons, write_curve,
     write_metrics, write_predictions,
@@ -130,6 +132,8 @@ pub enum Arm {
     Baseline,
     /// The best trial's hyper-parameters ("with Optuna").
     Tuned,
+    /// The mean of what the three best trials' networks estimate.
+    Ensemble,
     /// The mean of the training labels for every view.
     PredictMean,
     /// Ridge regression on the radial log power spectrum.
@@ -138,19 +142,20 @@ pub enum Arm {
 
 impl Arm {
     /// All arms, in the order of tables.
-    pub const ALL: [Arm; 4] = [Arm::Baseline, Arm::Tuned, Arm::PredictMean, Arm::SpectrumControl];
+    pub const ALL: [Arm; 5] = [Arm::Baseline, Arm::Tuned, Arm::Ensemble, Arm::PredictMean, Arm::SpectrumControl];
 
     /// The name in files, e.g. `predict_mean`.
     pub fn name(self) -> &'static str {
         match self {
             Arm::Baseline => "baseline",
             Arm::Tuned => "tuned",
+            Arm::Ensemble => "ensemble",
             Arm::PredictMean => "predict_mean",
             Arm::SpectrumControl => "spectrum_control",
         }
     }
 
-    /// Whether it is a trained network, and so has refits with seeds of their own.
+    /// Whether it is one trained network, and so has refits with seeds of their own.
     pub fn is_network(self) -> bool {
         matches!(self, Arm::Baseline | Arm::Tuned)
     }

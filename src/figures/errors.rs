@@ -10,7 +10,6 @@ use crate::evaluate::{Arm, Metric, MetricRow, Quantity};
 use crate::tables::artefacts::RunArtefacts;
 
 const METRICS: [Metric; 4] = [Metric::Mae, Metric::Mse, Metric::MeanError, Metric::Sde];
-const ARMS: [Arm; 4] = [Arm::Baseline, Arm::Tuned, Arm::PredictMean, Arm::SpectrumControl];
 const ROW: f64 = 13.0;
 /// Room for the names of rows.
 const LEFT: f64 = 84.0;
@@ -121,7 +120,7 @@ fn printed(quantity: Quantity, metric: Metric, arm: Arm) -> Option<f64> {
     match arm {
         Arm::Baseline => Some(published.baseline),
         Arm::Tuned => Some(published.tuned),
-        Arm::PredictMean | Arm::SpectrumControl => None,
+        Arm::Ensemble | Arm::PredictMean | Arm::SpectrumControl => None,
     }
 }
 
@@ -129,7 +128,7 @@ fn printed(quantity: Quantity, metric: Metric, arm: Arm) -> Option<f64> {
 fn panel(d: &mut Drawing, top: f64, quantity: Quantity, metric: Metric, rows: &[&MetricRow], paper: bool) -> f64 {
     // An arm without a value is shown as missing; a control that was not asked for is left out.
     let is_arm = |arm: &Arm| matches!(arm, Arm::Baseline | Arm::Tuned);
-    let arms: Vec<Arm> = ARMS.into_iter().filter(|arm| is_arm(arm) || rows.iter().any(|r| r.arm == *arm)).collect();
+    let arms: Vec<Arm> = Arm::ALL.into_iter().filter(|arm| is_arm(arm) || rows.iter().any(|r| r.arm == *arm)).collect();
     if rows.is_empty() {
         d.text((MARGIN, top + Type::NOTE.line()), "not computed", Type::NOTE);
         return top + 22.0;

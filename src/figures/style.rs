@@ -24,6 +24,8 @@ pub const ORANGE: Colour = [0xe6, 0x9f, 0x00];
 pub const BLUE: Colour = [0x00, 0x72, 0xb2];
 /// Green of the spectrum control.
 pub const GREEN: Colour = [0x00, 0x9e, 0x73];
+/// The ensemble.
+pub const PURPLE: Colour = [0xcc, 0x79, 0xa7];
 /// Dark grey of predict-the-mean.
 pub const SLATE: Colour = [0x4d, 0x4d, 0x4d];
 /// Fill of boxes that hold text.
@@ -86,6 +88,7 @@ pub fn arm(arm: Arm) -> ArmStyle {
     match arm {
         Arm::Baseline => ArmStyle { name: "baseline", colour: ORANGE, mark: Mark::Circle, hatch: Hatch::None },
         Arm::Tuned => ArmStyle { name: "tuned", colour: BLUE, mark: Mark::Square, hatch: Hatch::None },
+        Arm::Ensemble => ArmStyle { name: "ensemble of 3", colour: PURPLE, mark: Mark::Cross, hatch: Hatch::None },
         Arm::PredictMean => {
             ArmStyle { name: "predict the mean", colour: SLATE, mark: Mark::Triangle, hatch: Hatch::Falling }
         }

@@ -1,4 +1,4 @@
-//! The two arms: refits with fresh seeds.
+//! The two arms: refits with fresh seeds; and the networks of the best trials, which estimate together.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
@@ -7,11 +7,11 @@ use std::sync::{Mutex, PoisonError};
 use super::networks::{Network, Settings, Training};
 use super::stages::{Epochs, Stages};
 use super::trainings::Which;
-use super::trials::side_by_side;
+use super::trials::{ENSEMBLE, side_by_side};
 use super::{Error, Options};
 use crate::config::spec::{BaselineSpec, Experiment, NetworkSpec, TrainSpec};
 use crate::dataset::View;
-use crate::evaluate::{Arm, Prediction};
+use crate::evaluate::{Arm, Prediction, mean_estimates};
 use crate::store::{self, RunFolder};
 use crate::tables::write_refit_curve;
 use crate::train::{self, EpochRecord, Steps, Verdict};
@@ -28,33 +28,37 @@ pub(super) fn baseline(spec: &Experiment) -> (NetworkSpec, TrainSpec) {
     (network, train)
 }
 
-/// Trains each arm with each fresh seed; both arms have the same seeds. Finished refits are read. What comes of it is
-/// what the networks predict for `views` that they were not trained on.
+/// Trains each arm with each fresh seed; both arms have the same seeds. `leaders` are the best trials' hyper-parameters, the
+/// best first: the tuned arm's, and those of an ensemble. Finished refits are read. What comes of it is what the networks
+/// predict for `views` that they were not trained on.
 pub(super) fn refit(
     spec: &Experiment,
     options: &Options,
     run: &RunFolder,
     training: &Training,
-    tuned: &(NetworkSpec, TrainSpec),
+    leaders: &[(NetworkSpec, TrainSpec)],
     views: &[View],
     stages: &Stages,
 ) -> Result<Predictions, Error> {
-    let arms = [(Arm::Baseline, baseline(spec)), (Arm::Tuned, tuned.clone())];
-    let jobs: VecDeque<(Arm, u32)> =
-        (0..spec.evaluation.refit_seeds).flat_map(|i| arms.iter().map(move |(arm, _)| (*arm, i))).collect();
-    let arms = BTreeMap::from(arms);
+    let baseline = baseline(spec);
+    let settings = |(arm, index): (Arm, u32)| match arm {
+        Arm::Baseline => &baseline,
+        Arm::Ensemble => &leaders[index as usize],
+        _ => &leaders[0],
+    };
+    let jobs = VecDeque::from(jobs(spec, leaders.len()));
     let (n, epochs) = (jobs.len() as u64, u64::from(spec.train.epochs));
     stages.progress.begin("refits", n);
     stages.progress.begin("epochs", n * epochs);
     let (jobs, predictions) = (Mutex::new(jobs), Mutex::new(BTreeMap::new()));
     let take = || jobs.lock().unwrap_or_else(PoisonError::into_inner).pop_front();
     let work = || {
-        while let Some((arm, index)) = take() {
-            let (network, train) = &arms[&arm];
-            let trained = one(run.path(), (arm, index), network, train, spec, training, stages);
+        while let Some(job) = take() {
+            let (network, train) = settings(job);
+            let trained = one(run.path(), job, network, train, spec, training, stages);
             let predicted = trained.and_then(|network| training.predict(&network, views));
             let predicted = predicted.inspect_err(|_| stages.stop())?;
-            predictions.lock().unwrap_or_else(PoisonError::into_inner).insert((arm, index), predicted);
+            predictions.lock().unwrap_or_else(PoisonError::into_inner).insert(job, predicted);
             stages.progress.advance_outer(1);
         }
         Ok(())
@@ -67,7 +71,33 @@ pub(super) fn refit(
     for ((arm, _), predicted) in predictions.into_inner().unwrap_or_else(PoisonError::into_inner) {
         by_arm.entry(arm).or_default().push(predicted);
     }
+    if let Some(others) = by_arm.remove(&Arm::Ensemble) {
+        let members: Vec<&[Prediction]> = by_arm[&Arm::Tuned][..1].iter().chain(&others).map(Vec::as_slice).collect();
+        let together = mean_estimates(&members);
+        by_arm.insert(Arm::Ensemble, vec![together]);
+    }
     Ok(by_arm)
+}
+
+/// The trainings of all refits: each arm with each seed, and, if there are enough `leaders`, the other members of the
+/// ensemble, whose first is the tuned arm's first refit.
+fn jobs(spec: &Experiment, leaders: usize) -> Vec<(Arm, u32)> {
+    let of_seed = |i: u32| [Arm::Baseline, Arm::Tuned].map(|arm| (arm, i));
+    let mut jobs: Vec<(Arm, u32)> = (0..spec.evaluation.refit_seeds).flat_map(of_seed).collect();
+    if leaders >= ENSEMBLE {
+        jobs.extend((1..ENSEMBLE as u32).map(|place| (Arm::Ensemble, place)));
+    }
+    jobs
+}
+
+/// How many networks are refitted if `leaders` trials can be members of an ensemble.
+pub(super) fn networks(spec: &Experiment, leaders: usize) -> u32 {
+    jobs(spec, leaders).len() as u32
+}
+
+/// The trainings of the ensemble's members, but for the first.
+pub(super) fn ensemble_members() -> impl Iterator<Item = Which> {
+    (1..ENSEMBLE as u32).map(|place| Which::Refit(Arm::Ensemble, place))
 }
 
 /// One refit: trained, or read if it is finished (its model is written last).

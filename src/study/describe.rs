@@ -4,6 +4,7 @@ use serde_json::Value;
 
 use super::Error;
 use super::inputs::Inputs;
+use super::trials::ENSEMBLE;
 use crate::config::spec::{Experiment, LayerSpec, NetworkSpec, PanoramaSource, PrunerKind, SamplerKind};
 use crate::dataset::{Dataset, Subset};
 use crate::network::Part;
@@ -23,6 +24,8 @@ pub(super) struct Subject<'a> {
     pub trials: &'a [TrialArtefact],
     /// The tuned arm's network.
     pub network: &'a NetworkSpec,
+    /// Networks that were refitted.
+    pub refits: u32,
 }
 
 /// Writes the three files.
@@ -86,7 +89,11 @@ fn flow(subject: &Subject<'_>) -> Vec<FlowStep> {
     let dim = subject.inputs.dim() as u64;
     let weights =
         format!("{}, {} weights, {}", text(&spec.backbone.architecture), spec.backbone.weights, spec.backbone.tune);
-    let refits = format!("2 arms × {} seeds, early stopping on validation", spec.evaluation.refit_seeds);
+    let ensemble = match subject.refits > 2 * spec.evaluation.refit_seeds {
+        true => format!(", an ensemble of {ENSEMBLE}"),
+        false => String::new(),
+    };
+    let refits = format!("2 arms × {} seeds{ensemble}, early stopping on validation", spec.evaluation.refit_seeds);
     let tests = views.iter().filter(|v| v.subset == Subset::Test);
     let mut test_panoramas: Vec<&str> = tests.map(|v| v.panorama.as_str()).collect();
     test_panoramas.sort_unstable();
@@ -100,7 +107,7 @@ fn flow(subject: &Subject<'_>) -> Vec<FlowStep> {
         step("dataset", labels, split),
         step("features", weights, subject.inputs.words()),
         step("study", study_words(spec), trial_counts(subject.trials)),
-        step("refit", refits, format!("{} networks", 2 * spec.evaluation.refit_seeds)),
+        step("refit", refits, format!("{} networks", subject.refits)),
         step(
             "evaluation",
             "MAE, MSE, mean error, SDE with intervals; controls".to_owned(),

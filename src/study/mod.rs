@@ -170,8 +170,10 @@ fn study(
     let work = |stage, n| TrainingWork::new(spec, stage, n, rows, inputs.trained_multiply_adds);
     let search = || trials::search(spec, options, folder, &training, stages);
     let searched = stages.timed_trainings(&work("study", spec.search.trials), search)?;
-    let refits = || arms::refit(spec, options, folder, &training, &searched.best, views, stages);
-    let predictions = stages.timed_trainings(&work("refit", 2 * spec.evaluation.refit_seeds), refits)?;
+    let leaders = &searched.leaders;
+    let refits = || arms::refit(spec, options, folder, &training, leaders, views, stages);
+    let networks = arms::networks(spec, leaders.len());
+    let predictions = stages.timed_trainings(&work("refit", networks), refits)?;
 
     let predictions = stages
         .timed("evaluation", 1.0, || networks::evaluate(spec, folder, predictions, &dataset.value, &spectra.value))?;
@@ -183,7 +185,8 @@ fn study(
             dataset: &dataset.value,
             inputs: &inputs,
             trials: &searched.trials,
-            network: &searched.best.0,
+            network: &leaders[0].0,
+            refits: networks,
         };
         describe::write(folder, &subject)?;
         gallery::write(spec, folder, &catalogue.value, &dataset.value, estimates)?;

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::describe::thousands;
 use super::stages::{self, COMPONENTS, DATASET, FEATURES, MAPS, SPECTRA, Stages, TrainingWork};
-use super::{Error, Options, pretrain, trials};
+use super::{Error, Options, arms, pretrain, trials};
 use crate::backbone::Tunable;
 use crate::config::LoadedExperiment;
 use crate::config::spec::{Experiment, Kind, PanoramaSource, Tune};
@@ -14,12 +14,14 @@ use crate::store::{Artefact, Cache, Hash, RunFolder};
 
 /// Seconds per unit until a stage has been measured on a machine, from two cores with AVX-512.
 mod default_rate {
-    /// A panorama of 1,024 px.
-    pub const PANORAMAS: f64 = 0.5;
+    /// A megapixel of panoramas.
+    pub const PANORAMAS: f64 = 1.0;
     /// A view.
     pub const DATASET: f64 = 0.008;
-    /// A row of features of Inception-V3.
-    pub const FEATURES: f64 = 0.03;
+    /// A thousand million multiplications of a frozen backbone.
+    pub const FEATURES: f64 = 0.012;
+    /// What frozen blocks hand on of a row.
+    pub const MAPS: f64 = 0.03;
     /// A view's spectrum.
     pub const SPECTRA: f64 = 0.002;
     /// A row of features.
@@ -77,7 +79,7 @@ impl Planner<'_> {
                 count(panoramas, source),
                 catalogue.is_some(),
                 None,
-                (panoramas, default_rate::PANORAMAS),
+                (panoramas * stages::megapixels(self.spec), default_rate::PANORAMAS),
             ),
             self.step(
                 "dataset",
@@ -94,7 +96,7 @@ impl Planner<'_> {
             Tune::Frozen => steps.extend(self.feature_steps(dataset.as_ref(), rows, options)?),
             Tune::Last(_) => {
                 let maps = dataset.as_ref().map(|d| self.has_maps(d, options)).transpose()?.unwrap_or(false);
-                steps.push(self.step("maps", count(rows, "rows"), maps, above, (rows, default_rate::FEATURES)));
+                steps.push(self.step("maps", count(rows, "rows"), maps, above, (rows, default_rate::MAPS)));
             }
             Tune::Full => {}
         }
@@ -103,16 +105,15 @@ impl Planner<'_> {
 
     fn feature_steps(&self, dataset: Option<&Artefact>, rows: f64, options: &Options) -> Result<Vec<Step>, Error> {
         let count = |n: f64, what: &str| format!("{} {what}", thousands(n.round() as u64));
-        let features = dataset.map(|d| self.features(d, options)).transpose()?.flatten();
+        let (backbone, variant) = Stages::load_backbone(self.spec, options)?;
+        let parts = stages::features_key_parts(self.spec, &backbone, &variant);
+        let features = match dataset {
+            Some(dataset) => self.cache.open("features", &dataset.derive_key(FEATURES, &parts)?)?,
+            None => None,
+        };
         let above = dataset.map(|_| "dataset");
-        let mut steps = Vec::new();
-        steps.push(self.step(
-            "features",
-            count(rows, "rows"),
-            features.is_some(),
-            above,
-            (rows, default_rate::FEATURES),
-        ));
+        let work = (rows * stages::billions(backbone.multiply_adds()), default_rate::FEATURES);
+        let mut steps = vec![self.step("features", count(rows, "rows"), features.is_some(), above, work)];
         if self.spec.backbone.components > 0 {
             let done = features.as_ref().map(|f| f.derive_key(COMPONENTS, &stages::components_key_parts(self.spec)));
             let done = done.transpose()?.is_some_and(|key| self.cache.contains("components", &key));
@@ -131,12 +132,6 @@ impl Planner<'_> {
         let backbone = self.tunable(options)?;
         let key = dataset.derive_key(MAPS, &stages::maps_key_parts(self.spec, &backbone))?;
         Ok(self.cache.contains("maps", &key))
-    }
-
-    fn features(&self, dataset: &Artefact, options: &Options) -> Result<Option<Artefact>, Error> {
-        let (backbone, variant) = Stages::load_backbone(self.spec, options)?;
-        let parts = stages::features_key_parts(self.spec, &backbone, &variant);
-        Ok(self.cache.open("features", &dataset.derive_key(FEATURES, &parts)?)?)
     }
 
     fn has_spectra(&self, dataset: &Artefact) -> Result<bool, Error> {
@@ -197,7 +192,7 @@ impl Planner<'_> {
             let what = format!("{} epochs", spec.train.epochs);
             return Ok(vec![self.of_trainings(what, finished, unfinished, &work(pretrain::TRAINING, 1))]);
         }
-        let (trials, refits) = (spec.search.trials, 2 * spec.evaluation.refit_seeds);
+        let (trials, refits) = (spec.search.trials, arms::networks(spec, spec.search.trials as usize));
         let done = folder.map_or(Ok(0), trials::finished)?;
         let left = trials.saturating_sub(done);
         let why = if done > 0 { format!("{done} of {trials} are done") } else { "no trial is done".to_owned() };

@@ -174,7 +174,8 @@ impl<'a> Stages<'a> {
     /// Generated scenes or images of a folder.
     pub(super) fn panoramas(&self) -> Result<Made<Catalogue>, Error> {
         let spec = &self.spec.dataset.panoramas;
-        let (key, units) = panoramas_key(self.spec)?;
+        let (key, panoramas) = panoramas_key(self.spec)?;
+        let units = panoramas * megapixels(self.spec);
         let artefact = self.artefact(("panoramas", PANORAMAS), &key, units, |writer| match spec.source {
             PanoramaSource::Procedural => Ok(panorama::write_procedural(writer, spec, self.spec.seed, self.progress)?),
             PanoramaSource::Directory => {
@@ -213,7 +214,8 @@ impl<'a> Stages<'a> {
         let (mut backbone, variant) = Self::load_backbone(self.spec, self.options)?;
         let key = dataset.artefact.derive_key(FEATURES, &features_key_parts(self.spec, &backbone, &variant))?;
         let rows = feature_rows(dataset.value.views(), self.spec.augment.copies);
-        let artefact = self.artefact(("features", FEATURES), &key, rows.len() as f64, |writer| {
+        let units = rows.len() as f64 * billions(backbone.multiply_adds());
+        let artefact = self.artefact(("features", FEATURES), &key, units, |writer| {
             if backbone.is_seeded() {
                 backbone.calibrate(&self.calibration_images(&dataset.value));
             }
@@ -343,6 +345,21 @@ pub(super) fn panoramas_key(spec: &Experiment) -> Result<(Hash, f64), Error> {
             Ok((key(&parts)?, files.len() as f64))
         }
     }
+}
+
+/// Megapixels of a panorama, which its time is estimated by; an image of a folder, whose size nobody knows before it is read,
+/// counts as one of 4,096 × 2,048.
+pub(super) fn megapixels(spec: &Experiment) -> f64 {
+    let width = match spec.dataset.panoramas.source {
+        PanoramaSource::Procedural => f64::from(spec.dataset.panoramas.width),
+        PanoramaSource::Directory => 4096.0,
+    };
+    width * width / 2.0 * 1e-6
+}
+
+/// Thousands of millions of multiplications, which the time of a frozen backbone is estimated by.
+pub(super) fn billions(multiply_adds: u64) -> f64 {
+    multiply_adds as f64 * 1e-9
 }
 
 /// What a stage of trainings is estimated by.

@@ -12,7 +12,7 @@ use crate::rng::derive_seed;
 pub(super) enum Which {
     /// A trial of the study.
     Trial(u32),
-    /// A refit of an arm.
+    /// A refit of an arm; of an ensemble, a member's place among the best trials.
     Refit(Arm, u32),
     /// The one training of a pretraining.
     Pretraining,
@@ -32,7 +32,7 @@ impl Which {
     pub fn seed(self, seed: u64) -> u64 {
         match self {
             Which::Trial(number) => derive_seed(seed, "trial", &[number.into()]),
-            // both arms have the same seeds
+            // both arms have the same seeds, and each member of an ensemble has one of them
             Which::Refit(_, index) => derive_seed(seed, "refit", &[index.into()]),
             Which::Pretraining => derive_seed(seed, "pretraining", &[]),
         }

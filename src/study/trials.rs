@@ -22,10 +22,37 @@ pub(super) const DATABASE: &str = "study.db";
 /// How long a worker waits before it looks again whether it should stop.
 const PATIENCE: Duration = Duration::from_millis(200);
 
-/// The best trial's hyper-parameters and all trials.
+/// How many of the best trials' networks estimate together.
+pub(super) const ENSEMBLE: usize = 3;
+
+/// All trials and the hyper-parameters of the [`leaders`].
 pub(super) struct Searched {
     pub trials: Vec<TrialArtefact>,
-    pub best: (NetworkSpec, TrainSpec),
+    pub leaders: Vec<(NetworkSpec, TrainSpec)>,
+}
+
+/// The best complete trials, the best first, of equal ones the earlier: [`ENSEMBLE`] of them, or as many as there are with
+/// hyper-parameters of their own.
+pub(super) fn leaders(trials: &[TrialArtefact]) -> Vec<&TrialArtefact> {
+    let complete = trials.iter().filter(|t| t.state == TrialState::Complete);
+    let mut ranked: Vec<(f64, &TrialArtefact)> = complete.filter_map(|t| Some((t.value?, t))).collect();
+    ranked.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+    let mut leaders: Vec<&TrialArtefact> = Vec::new();
+    for (_, trial) in ranked {
+        if leaders.len() < ENSEMBLE && leaders.iter().all(|leader| leader.params != trial.params) {
+            leaders.push(trial);
+        }
+    }
+    leaders
+}
+
+/// Network and training with the hyper-parameters of a trial; of those that it lacks, with the first value.
+pub(super) fn settings(spec: &Experiment, trial: &TrialArtefact) -> Result<(NetworkSpec, TrainSpec), Error> {
+    let value = |name: &str| trial.params.iter().find(|p| p.name == name).map(|p| &p.value);
+    let assignments = Space::from_spec(&spec.search.space)?.walk(&mut |name, distribution| {
+        value(name).and_then(|v| distribution.to_internal(v)).unwrap_or_else(|| distribution.first())
+    });
+    Ok(search::apply(&assignments, &spec.network, &spec.train)?)
 }
 
 /// Folder of the trial `number` of the run in `run`.
@@ -215,7 +242,7 @@ impl Office<'_> {
         artefact(self.run, record.number)
     }
 
-    /// Importance, and the best trial's hyper-parameters.
+    /// Importance, and the best trials' hyper-parameters.
     fn finish(self) -> Result<Searched, Error> {
         let study = self.study();
         let study = study.study();
@@ -223,10 +250,13 @@ impl Office<'_> {
         let importance = search::importance(&records, derive_seed(self.spec.seed, "importance", &[]));
         let rows: Vec<ImportanceRow> = importance.into_iter().map(importance_row).collect();
         write_importance(self.run, &rows)?;
-        let best = study.best().ok_or_else(|| no_value(&records))?;
-        let best = self.settings(&best.params)?;
-        let trials = records.iter().map(|r| self.kept(r)).collect::<Result<_, Error>>()?;
-        Ok(Searched { trials, best })
+        let trials = records.iter().map(|r| self.kept(r)).collect::<Result<Vec<_>, Error>>()?;
+        let leaders =
+            leaders(&trials).into_iter().map(|trial| settings(self.spec, trial)).collect::<Result<Vec<_>, _>>()?;
+        if leaders.is_empty() {
+            return Err(no_value(&records));
+        }
+        Ok(Searched { trials, leaders })
     }
 }
 

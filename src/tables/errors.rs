@@ -38,7 +38,7 @@ fn backbone_table(
         rows.extend(printed.map(|printed| published_row(backbone_name(architecture), printed, quantity)));
         rows.extend(measured_rows(architecture, quantity, runs));
     }
-    rows.extend(control_rows(quantity, runs));
+    rows.extend(further_rows(quantity, runs));
     let unit = if quantity == Quantity::FocalPx { " (px)" } else { "" };
     let title = match quantity {
         Quantity::FocalPx => "Errors of the focal length by backbone, with Optuna",
@@ -92,11 +92,13 @@ fn measured_row(name: Cell, run: &RunArtefacts, runs: &[&RunArtefacts], arm: Arm
     [vec![name, Cell::text(source)], cells.to_vec()].concat()
 }
 
-/// The controls of each run; runs on the same views have the same ones, which are shown once.
-fn control_rows(quantity: Quantity, runs: &[&RunArtefacts]) -> Vec<Vec<Cell>> {
+/// The ensemble and the controls of each run; runs on the same views have the same controls, which are shown once.
+fn further_rows(quantity: Quantity, runs: &[&RunArtefacts]) -> Vec<Vec<Cell>> {
     let mut rows: Vec<Vec<Cell>> = Vec::new();
-    for arm in [Arm::PredictMean, Arm::SpectrumControl] {
-        for run in runs {
+    for arm in [Arm::Ensemble, Arm::PredictMean, Arm::SpectrumControl] {
+        let has =
+            |run: &RunArtefacts| arm != Arm::Ensemble || row(run, Subset::Test, arm, quantity, Metric::Mae).is_some();
+        for run in runs.iter().filter(|run| has(run)) {
             let row = measured_row(Cell::text(arm_name(run.experiment.kind, arm)), run, runs, arm, quantity);
             if !rows.iter().any(|shown| shown[0] == row[0] && shown[2..] == row[2..]) {
                 rows.push(row);
@@ -116,6 +118,13 @@ fn backbone_notes(quantity: Quantity, runs: &[&RunArtefacts], published: bool) -
          largest and smallest absolute error, averaged over refits."
             .to_owned(),
     );
+    if runs.iter().any(|run| row(run, Subset::Test, Arm::Ensemble, quantity, Metric::Mae).is_some()) {
+        notes.push(
+            "Ensemble of 3: the mean of what the networks of the three best trials estimate, each trained again once; \
+             the first is the first refit with Optuna."
+                .to_owned(),
+        );
+    }
     if published {
         notes.push(format!(
             "{FLAG} Impossible as printed: a mean absolute error lies between the smallest and the largest one, and the \

@@ -182,6 +182,7 @@ pub(super) fn run() -> RunArtefacts {
     let predictions = BTreeMap::from([
         (Arm::Baseline, (0..3).map(|s| refit(0.4, 20 + s)).collect()),
         (Arm::Tuned, (0..3).map(|s| refit(0.7, 10 + s)).collect()),
+        (Arm::Ensemble, vec![refit(0.72, 13)]),
         (Arm::PredictMean, vec![predict_the_mean(&views()).unwrap()]),
         (Arm::SpectrumControl, vec![refit(0.05, 30)]),
     ]);

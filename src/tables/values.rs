@@ -75,6 +75,7 @@ pub(super) fn arm_name(kind: Kind, arm: Arm) -> &'static str {
         Arm::Baseline => "without Optuna",
         Arm::Tuned if kind == Kind::Pretraining => "trained network",
         Arm::Tuned => "with Optuna",
+        Arm::Ensemble => "ensemble of 3",
         Arm::PredictMean => "predict the mean",
         Arm::SpectrumControl => "spectrum control",
     }

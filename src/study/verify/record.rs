@@ -10,7 +10,6 @@ use crate::config::spec::{Experiment, Kind, NetworkSpec, TrainSpec};
 use crate::config::{self, Loaded, LoadedExperiment};
 use crate::evaluate::Arm;
 use crate::provenance::Provenance;
-use crate::search::{self, Space, TrialState};
 use crate::store::{self, SUMS, hash_file};
 use crate::study::trainings::Which;
 use crate::study::{Error, arms, trials};
@@ -71,6 +70,7 @@ impl Record {
         if self.spec().kind != Kind::Pretraining {
             let arms = [Arm::Baseline, Arm::Tuned];
             all.extend((0..self.spec().evaluation.refit_seeds).flat_map(|i| arms.map(|arm| Which::Refit(arm, i))));
+            all.extend(arms::ensemble_members());
         }
         all.retain(|which| which.chain(&self.run).is_file());
         all
@@ -82,25 +82,19 @@ impl Record {
         match which {
             Which::Pretraining => Ok((spec.network.clone(), spec.train.clone())),
             Which::Refit(Arm::Baseline, _) => Ok(arms::baseline(spec)),
-            Which::Trial(number) => {
-                let trial = self.trials.iter().find(|trial| trial.number == number);
-                self.tried(trial)
-            }
-            Which::Refit(..) => {
-                let complete = self.trials.iter().filter(|t| t.state == TrialState::Complete);
-                let value = |trial: &TrialArtefact| trial.value.unwrap_or(f64::INFINITY);
-                self.tried(complete.reduce(|best, trial| if value(trial) < value(best) { trial } else { best }))
-            }
+            Which::Trial(number) => self.tried(self.trials.iter().find(|trial| trial.number == number), which),
+            Which::Refit(Arm::Ensemble, member) => self.tried(self.leader(member as usize), which),
+            Which::Refit(..) => self.tried(self.leader(0), which),
         }
     }
 
-    fn tried(&self, trial: Option<&TrialArtefact>) -> Result<(NetworkSpec, TrainSpec), Error> {
-        let spec = self.spec();
-        let value = |name: &str| trial?.params.iter().find(|p| p.name == name).map(|p| &p.value);
-        let assignments = Space::from_spec(&spec.search.space)?.walk(&mut |name, distribution| {
-            value(name).and_then(|v| distribution.to_internal(v)).unwrap_or_else(|| distribution.first())
-        });
-        Ok(search::apply(&assignments, &spec.network, &spec.train)?)
+    fn leader(&self, place: usize) -> Option<&TrialArtefact> {
+        trials::leaders(&self.trials).get(place).copied()
+    }
+
+    fn tried(&self, trial: Option<&TrialArtefact>, which: Which) -> Result<(NetworkSpec, TrainSpec), Error> {
+        let missing = || damaged(&self.run, &format!("{which} has steps, but no trial to which they belong"));
+        trials::settings(self.spec(), trial.ok_or_else(missing)?)
     }
 
     /// The first listed file that has another checksum, or is not there.
