@@ -18,8 +18,11 @@ pub(super) fn archive(global: &Global, args: &ArchiveArgs) -> Result<(), Failure
 
 fn pack(global: &Global, run: &Path, args: &ArchiveArgs) -> Result<(), Failure> {
     let cache = args.with_cache.then(|| Cache::new(super::cache_of(global, run)));
-    let named = RunName::of(run).map(|run| PathBuf::from(format!("{}-{}.zip", run.name, run.id)));
-    let out = args.out.clone().or(named).unwrap_or_default();
+    let named = || RunName::of(run).map(|run| PathBuf::from(format!("{}-{}.zip", run.name, run.id)));
+    let out = args.out.clone().or_else(named).ok_or_else(|| {
+        let folder = run.display();
+        Failure::input(format!("error: `{folder}` is not named as a run is\nhint: name the archive with `--out FILE`"))
+    })?;
     archive::pack(run, cache.as_ref(), &out)?;
     println!("{}", out.display());
     Ok(())

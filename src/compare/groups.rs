@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::Error;
 use super::metrics::{CONFIDENCE, QUANTITIES, image_px, permutation, predictions};
 use super::run::Run;
-use super::verdict::{Evidence, Verdict, decimals, sentence, verdicts, words};
+use super::verdict::{Judged, Pair, judge};
 use crate::dataset::Subset;
 use crate::evaluate::{Arm, SeedContrast, SeedSpread, seed_contrasts, seed_spread, why_unpaired};
 
@@ -43,20 +43,7 @@ pub struct GroupContrasts {
     /// Why runs are not paired by seed; `None` if they are.
     pub unpaired: Option<String>,
     /// A row a quantity and statistic.
-    pub rows: Vec<GroupContrast>,
-}
-
-/// A statistic of two groups with what can be said of it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct GroupContrast {
-    /// Means, difference, interval and test; the unit is the seed.
-    pub contrast: SeedContrast,
-    /// p, corrected over all rows.
-    pub p_holm: f64,
-    /// What can be said.
-    pub verdict: Verdict,
-    /// The same in words.
-    pub sentence: String,
+    pub rows: Vec<Judged<SeedContrast>>,
 }
 
 /// The errors of each group over its seeds.
@@ -100,39 +87,28 @@ pub(super) fn contrasts(groups: &[Group], spreads: &[GroupSpread], arm: Arm) -> 
             all.push(pair([first, second], [&of_first.rows, &of_second.rows], arm)?);
         }
     }
-    let rows: Vec<Evidence> = all.iter().flat_map(|pair| &pair.rows).map(|row| evidence(&row.contrast)).collect();
-    let mut found = verdicts(&rows, CONFIDENCE).into_iter();
-    for pair in &mut all {
-        let n = match pair.unpaired {
-            None => pair.seeds[0].to_string(),
-            Some(_) => format!("{} and {}", pair.seeds[0], pair.seeds[1]),
-        };
-        for row in &mut pair.rows {
-            if let Some((p, verdict)) = found.next() {
-                let c = &row.contrast;
-                let (unit, decimals) = (words(c.quantity, c.metric).2, decimals(c.first, c.second));
-                (row.p_holm, row.verdict) = (p, verdict);
-                row.sentence = sentence(verdict, &evidence(c), &pair.second, unit, decimals, &n);
-            }
-        }
-    }
+    let mut judged: Vec<Pair<SeedContrast>> = all
+        .iter_mut()
+        .map(|pair| Pair {
+            rows: &mut pair.rows,
+            second: &pair.second,
+            units: pair.seeds,
+            paired: pair.unpaired.is_none(),
+        })
+        .collect();
+    judge(&mut judged);
     Ok(all)
-}
-
-fn evidence(c: &SeedContrast) -> Evidence {
-    Evidence { difference: c.difference, interval: c.interval, p: c.p, attainable: c.attainable_p }
 }
 
 fn pair(groups: [&Group; 2], rows: [&[SeedSpread]; 2], arm: Arm) -> Result<GroupContrasts, Error> {
     let unpaired = unpaired_seeds(groups, arm)?;
     let found = seed_contrasts(rows, unpaired.is_none(), CONFIDENCE, &permutation());
-    let row = |contrast| GroupContrast { contrast, p_holm: 1.0, verdict: Verdict::NotShown, sentence: String::new() };
     Ok(GroupContrasts {
         first: groups[0].name.clone(),
         second: groups[1].name.clone(),
         seeds: groups.map(|group| group.runs.len() as u32),
         unpaired,
-        rows: found.into_iter().map(row).collect(),
+        rows: found.into_iter().map(Judged::pending).collect(),
     })
 }
 

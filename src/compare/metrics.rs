@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Error;
 use super::run::Run;
-use super::verdict::{Evidence, Verdict, decimals, sentence, verdicts, words};
+use super::verdict::{Judged, Pair, judge};
 use crate::dataset::Subset;
 use crate::evaluate::{Arm, Contrast, ContrastMethod, Prediction, Quantity, contrasts};
 use crate::rng::derive_seed;
@@ -36,20 +36,7 @@ pub struct PairMetrics {
     /// Test panoramas of the first and of the second run.
     pub panoramas: [u32; 2],
     /// A row a quantity and statistic.
-    pub rows: Vec<MetricContrast>,
-}
-
-/// A statistic of two runs with what can be said of it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct MetricContrast {
-    /// Values, difference, interval and test.
-    pub contrast: Contrast,
-    /// p, corrected over all rows of the comparison.
-    pub p_holm: f64,
-    /// What can be said.
-    pub verdict: Verdict,
-    /// The same in words.
-    pub sentence: String,
+    pub rows: Vec<Judged<Contrast>>,
 }
 
 /// Permutation tests of a comparison; its draws depend on nothing but their number.
@@ -63,32 +50,17 @@ pub(super) fn permutation() -> Permutation {
 /// Predictions that contradict themselves. Those that cannot be read are the pair's `problem`.
 pub(super) fn metrics(pairs: &[[&Run; 2]], arm: Arm) -> Result<Vec<PairMetrics>, Error> {
     let mut all = pairs.iter().map(|pair| pair_metrics(*pair, arm)).collect::<Result<Vec<_>, _>>()?;
-    let rows: Vec<Evidence> = all.iter().flat_map(|pair| &pair.rows).map(|row| evidence(&row.contrast)).collect();
-    let mut found = verdicts(&rows, CONFIDENCE).into_iter();
-    for pair in &mut all {
-        let n = number(pair);
-        for row in &mut pair.rows {
-            if let Some((p, verdict)) = found.next() {
-                let c = &row.contrast;
-                let (unit, decimals) = (words(c.quantity, c.metric).2, decimals(c.first, c.second));
-                (row.p_holm, row.verdict) = (p, verdict);
-                row.sentence = sentence(verdict, &evidence(c), &pair.second, unit, decimals, &n);
-            }
-        }
-    }
+    let mut judged: Vec<Pair<Contrast>> = all
+        .iter_mut()
+        .map(|pair| Pair {
+            rows: &mut pair.rows,
+            second: &pair.second,
+            units: pair.panoramas,
+            paired: pair.unpaired.is_none(),
+        })
+        .collect();
+    judge(&mut judged);
     Ok(all)
-}
-
-fn evidence(c: &Contrast) -> Evidence {
-    Evidence { difference: c.difference, interval: Some((c.ci_low, c.ci_high)), p: c.p, attainable: c.attainable_p }
-}
-
-/// How many panoramas there are, in words.
-fn number(pair: &PairMetrics) -> String {
-    match (&pair.unpaired, pair.panoramas) {
-        (None, [n, _]) => n.to_string(),
-        (Some(_), [a, b]) => format!("{a} and {b}"),
-    }
 }
 
 fn pair_metrics([a, b]: [&Run; 2], arm: Arm) -> Result<PairMetrics, Error> {
@@ -112,10 +84,9 @@ fn pair_metrics([a, b]: [&Run; 2], arm: Arm) -> Result<PairMetrics, Error> {
         image_px,
     };
     let found = contrasts(Subset::Test, arm, predicted, &QUANTITIES, &how)?;
-    let row = |contrast| MetricContrast { contrast, p_holm: 1.0, verdict: Verdict::NotShown, sentence: String::new() };
     (pair.unpaired, pair.overlap, pair.views, pair.panoramas) =
         (found.unpaired, found.overlap, found.views, found.panoramas);
-    pair.rows = found.rows.into_iter().map(row).collect();
+    pair.rows = found.rows.into_iter().map(Judged::pending).collect();
     Ok(pair)
 }
 

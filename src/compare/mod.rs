@@ -19,12 +19,12 @@ mod words;
 pub use curves::{CurvePoint, SearchCurve};
 pub use error::Error;
 pub use find::find;
-pub use groups::{GroupContrast, GroupContrasts, GroupSpread};
+pub use groups::{GroupContrasts, GroupSpread};
 pub use identity::{ArtefactState, FirstDifference, Identity, State};
-pub use metrics::{CONFIDENCE, MetricContrast, PairMetrics, RESAMPLES};
+pub use metrics::{CONFIDENCE, PairMetrics, RESAMPLES};
 pub use settings::SettingDifference;
 pub use show::{terminal, write};
-pub use verdict::Verdict;
+pub use verdict::{Judged, Verdict};
 
 use std::path::{Path, PathBuf};
 

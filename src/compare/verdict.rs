@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::evaluate::{Metric, Quantity};
+use super::metrics::CONFIDENCE;
+use crate::evaluate::{Contrast, Metric, Quantity, SeedContrast};
 use crate::statistics::holm;
 
 /// What can be said of a difference.
@@ -34,9 +35,94 @@ pub(super) struct Evidence {
     pub attainable: f64,
 }
 
+/// A statistic of two runs or groups with what can be said of it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Judged<C> {
+    /// Values, difference, interval and test.
+    pub contrast: C,
+    /// p, corrected over all rows of the comparison.
+    pub p_holm: f64,
+    /// What can be said.
+    pub verdict: Verdict,
+    /// The same in words.
+    pub sentence: String,
+}
+
+impl<C> Judged<C> {
+    /// A row of which nothing has been said yet.
+    pub(super) fn pending(contrast: C) -> Self {
+        Self { contrast, p_holm: 1.0, verdict: Verdict::NotShown, sentence: String::new() }
+    }
+}
+
+/// A difference of a statistic that can be judged.
+pub(super) trait Difference {
+    fn evidence(&self) -> Evidence;
+    /// What it is of.
+    fn of(&self) -> (Quantity, Metric);
+    /// The two values.
+    fn values(&self) -> [f64; 2];
+}
+
+impl Difference for Contrast {
+    fn evidence(&self) -> Evidence {
+        let interval = Some((self.ci_low, self.ci_high));
+        Evidence { difference: self.difference, interval, p: self.p, attainable: self.attainable_p }
+    }
+
+    fn of(&self) -> (Quantity, Metric) {
+        (self.quantity, self.metric)
+    }
+
+    fn values(&self) -> [f64; 2] {
+        [self.first, self.second]
+    }
+}
+
+impl Difference for SeedContrast {
+    fn evidence(&self) -> Evidence {
+        Evidence { difference: self.difference, interval: self.interval, p: self.p, attainable: self.attainable_p }
+    }
+
+    fn of(&self) -> (Quantity, Metric) {
+        (self.quantity, self.metric)
+    }
+
+    fn values(&self) -> [f64; 2] {
+        [self.first, self.second]
+    }
+}
+
+/// The rows of a pair of runs or groups.
+pub(super) struct Pair<'a, C> {
+    pub rows: &'a mut [Judged<C>],
+    /// Name of the second.
+    pub second: &'a str,
+    /// How many units each has: panoramas or seeds.
+    pub units: [u32; 2],
+    /// Whether both have the same ones.
+    pub paired: bool,
+}
+
+/// Judges the rows of all `pairs`, which together are one family of tests.
+pub(super) fn judge<C: Difference>(pairs: &mut [Pair<C>]) {
+    let rows: Vec<Evidence> = pairs.iter().flat_map(|pair| &*pair.rows).map(|row| row.contrast.evidence()).collect();
+    let mut found = verdicts(&rows, CONFIDENCE).into_iter();
+    for Pair { rows, second, units: [a, b], paired } in pairs {
+        let n = if *paired { a.to_string() } else { format!("{a} and {b}") };
+        for (row, (p, verdict)) in rows.iter_mut().zip(&mut found) {
+            let (quantity, metric) = row.contrast.of();
+            let [first_value, second_value] = row.contrast.values();
+            let (unit, decimals) = (words(quantity, metric).2, decimals(first_value, second_value));
+            (row.p_holm, row.verdict) = (p, verdict);
+            row.sentence = sentence(verdict, &row.contrast.evidence(), second, unit, decimals, &n);
+        }
+    }
+}
+
 /// The corrected p and the verdict of each of several rows, which are one family: a difference is shown if p, corrected by
 /// Holm's method over all rows, is at most 1 − `confidence` and the interval lies on one side of 0.
-pub(super) fn verdicts(rows: &[Evidence], confidence: f64) -> Vec<(f64, Verdict)> {
+fn verdicts(rows: &[Evidence], confidence: f64) -> Vec<(f64, Verdict)> {
     let adjusted = holm(&rows.iter().map(|row| row.p).collect::<Vec<_>>());
     // 1 − 0.95 is a little more than 0.05
     let level = (1.0 - confidence) * (1.0 + 1e-9);
@@ -62,14 +148,7 @@ pub(super) fn verdicts(rows: &[Evidence], confidence: f64) -> Vec<(f64, Verdict)
 }
 
 /// A verdict in words, e.g. `B lower by 3.10 px [1.02, 5.20]`. `n` says how many there are of the unit, e.g. `3` or `3 and 4`.
-pub(super) fn sentence(
-    verdict: Verdict,
-    evidence: &Evidence,
-    second: &str,
-    unit: &str,
-    decimals: usize,
-    n: &str,
-) -> String {
+fn sentence(verdict: Verdict, evidence: &Evidence, second: &str, unit: &str, decimals: usize, n: &str) -> String {
     let number = |x: f64| crate::tables::Cell::number(x, decimals).shown();
     let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
     // sizes of what is lower or higher

@@ -87,7 +87,7 @@ fn name_of(errors: &BackboneErrors) -> &str {
 
 /// Mean and spread of absolute errors against what their extremes allow.
 fn bounds(table: u8, quantity: Quantity, errors: &BackboneErrors) -> Vec<Check> {
-    let impossible = errors.impossible();
+    let impossible = errors.impossible(decimals(quantity));
     let show = |value: f64| Printed::new(value, decimals(quantity)).to_string();
     let name = name_of(errors);
     let verdict = |wrong| if wrong { Verdict::Impossible } else { Verdict::Follows };
@@ -100,7 +100,7 @@ fn bounds(table: u8, quantity: Quantity, errors: &BackboneErrors) -> Vec<Check> 
         why: "a mean of absolute errors lies between the smallest and the largest".to_owned(),
     }];
     if !impossible.mae {
-        let most = errors.largest_sd();
+        let most = errors.largest_sd(decimals(quantity));
         checks.push(Check {
             table,
             item: format!("{name}, SD"),
@@ -119,8 +119,8 @@ fn recomputed(table: u8, quantity: Quantity, images: &[Image], printed: &Reducti
     let of =
         |prediction: fn(&Image) -> f64| error_statistics(&labels, &images.iter().map(prediction).collect::<Vec<_>>());
     let (Ok(without), Ok(with)) = (of(|image| image.2), of(|image| image.3)) else { return Vec::new() };
-    let metrics = [Metric::Mae, Metric::Mse, Metric::MeanError, Metric::Sde];
-    metrics.into_iter().flat_map(|metric| statistic(table, quantity, metric, [&without, &with], printed)).collect()
+    let printed = Metric::ALL.into_iter().filter_map(|metric| Some((metric, printed.of(metric)?)));
+    printed.flat_map(|(metric, printed)| statistic(table, quantity, metric, [&without, &with], printed)).collect()
 }
 
 fn statistic(
@@ -128,10 +128,9 @@ fn statistic(
     quantity: Quantity,
     metric: Metric,
     [without, with]: [&ErrorStatistics; 2],
-    printed: &Reductions,
+    [printed_a, printed_b, percent]: [f64; 3],
 ) -> [Check; 3] {
     let (a, b) = (without.get(metric), with.get(metric));
-    let [printed_a, printed_b, percent] = printed.of(metric);
     let places = decimals(quantity);
     let check = |what: &str, printed: f64, value: f64, places: usize| Check {
         table,

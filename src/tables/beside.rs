@@ -56,7 +56,7 @@ fn by_backbone(run: &RunArtefacts, published: &Published, quantity: Quantity) ->
     let Some(printed) = model.and_then(|(_, model)| rows.iter().find(|row| row.model == *model)) else {
         return Vec::new();
     };
-    let impossible = printed.impossible();
+    let impossible = printed.impossible(decimals(quantity));
     let values = [
         (printed.mae, impossible.mae),
         (printed.sd, impossible.sd),
@@ -84,7 +84,7 @@ fn without_and_with(run: &RunArtefacts, published: &Published, quantity: Quantit
     };
     let mut rows = Vec::new();
     for metric in REDUCED {
-        let [without, with, percent] = printed.of(metric);
+        let Some([without, with, percent]) = printed.of(metric) else { continue };
         for (arm, value) in [(Arm::Baseline, without), (Arm::Tuned, with)] {
             let ours = estimate(run, Subset::Test, arm, quantity, metric);
             let printed = Printed::new(value, decimals(quantity));

@@ -2,7 +2,7 @@
 
 use super::artefacts::RunArtefacts;
 use super::model::{Cell, Column, FLAG, Table};
-use super::published::{BackboneErrors, Published, Reductions};
+use super::published::{BackboneErrors, Published};
 use super::values::{arm_name, backbone_name, decimals, estimate, metric_name, population, reduction, row, unit_note};
 use crate::config::spec::Architecture;
 use crate::dataset::Subset;
@@ -62,7 +62,7 @@ fn backbone_table(
 }
 
 fn published_row(name: &str, printed: &BackboneErrors, quantity: Quantity) -> Vec<Cell> {
-    let impossible = printed.impossible();
+    let impossible = printed.impossible(decimals(quantity));
     let number = |value, flagged| Cell::Number { value, decimals: decimals(quantity), flagged };
     vec![
         Cell::text(name),
@@ -145,6 +145,7 @@ pub(super) fn with_and_without(run: &RunArtefacts, quantity: Quantity, published
     };
     let mut rows = Vec::new();
     for metric in [Metric::Mae, Metric::Mse, Metric::MeanError, Metric::Sde] {
+        let printed = printed.and_then(|printed| printed.of(metric));
         rows.extend(printed.map(|printed| printed_reduction(printed, metric, quantity)));
         rows.push(reduction_row(run, quantity, metric, Arm::Baseline, "this run"));
     }
@@ -169,8 +170,7 @@ pub(super) fn with_and_without(run: &RunArtefacts, quantity: Quantity, published
     }
 }
 
-fn printed_reduction(printed: &Reductions, metric: Metric, quantity: Quantity) -> Vec<Cell> {
-    let [without, with, reduction] = printed.of(metric);
+fn printed_reduction([without, with, reduction]: [f64; 3], metric: Metric, quantity: Quantity) -> Vec<Cell> {
     let decimals = decimals(quantity);
     vec![
         Cell::text(metric_name(metric)),

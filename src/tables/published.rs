@@ -91,31 +91,33 @@ pub struct Impossible {
     pub sd: bool,
 }
 
-/// Half a unit of the last printed decimal.
-const ROUNDING: f64 = 0.005;
+/// Half a unit of the last of `decimals`.
+fn rounding(decimals: usize) -> f64 {
+    0.5 * 0.1f64.powi(decimals as i32)
+}
 
 impl BackboneErrors {
-    /// The largest standard deviation of numbers with this mean and these extremes, as far as they are printed: a variance
+    /// The largest standard deviation of numbers with this mean and these extremes, printed with `decimals`: a variance
     /// is at most (max − mean)(mean − min) (Bhatia and Davis 2000).
-    pub fn largest_sd(&self) -> f64 {
-        (self.above().max(0.0) * self.below().max(0.0)).sqrt()
+    pub fn largest_sd(&self, decimals: usize) -> f64 {
+        (self.above(decimals).max(0.0) * self.below(decimals).max(0.0)).sqrt()
     }
 
     /// Distance from the mean to the largest, at most.
-    fn above(&self) -> f64 {
-        self.max - self.mae + ROUNDING
+    fn above(&self, decimals: usize) -> f64 {
+        self.max - self.mae + rounding(decimals)
     }
 
     /// Distance from the smallest to the mean, at most.
-    fn below(&self) -> f64 {
-        self.mae - self.min + ROUNDING
+    fn below(&self, decimals: usize) -> f64 {
+        self.mae - self.min + rounding(decimals)
     }
 
-    /// What cannot be, allowing for rounding to two decimals: a mean lies between the extremes, and a spread is bounded by
+    /// What cannot be, allowing for rounding to `decimals`: a mean lies between the extremes, and a spread is bounded by
     /// them.
-    pub fn impossible(&self) -> Impossible {
-        let mae = self.above() < 0.0 || self.below() < 0.0;
-        Impossible { mae, sd: !mae && self.sd - ROUNDING > self.largest_sd() }
+    pub fn impossible(&self, decimals: usize) -> Impossible {
+        let mae = self.above(decimals) < 0.0 || self.below(decimals) < 0.0;
+        Impossible { mae, sd: !mae && self.sd - rounding(decimals) > self.largest_sd(decimals) }
     }
 }
 
@@ -199,13 +201,14 @@ pub struct Reductions {
 }
 
 impl Reductions {
-    /// Those of a statistic; what is not printed has the standard deviation's.
-    pub fn of(&self, metric: Metric) -> [f64; 3] {
+    /// Those of a statistic, if the table has it.
+    pub fn of(&self, metric: Metric) -> Option<[f64; 3]> {
         match metric {
-            Metric::Mae => self.mae,
-            Metric::Mse => self.mse,
-            Metric::MeanError => self.mean_error,
-            _ => self.sde,
+            Metric::Mae => Some(self.mae),
+            Metric::Mse => Some(self.mse),
+            Metric::MeanError => Some(self.mean_error),
+            Metric::Sde => Some(self.sde),
+            Metric::Max | Metric::Min => None,
         }
     }
 }
@@ -235,9 +238,10 @@ mod tests {
     #[test]
     fn the_impossible_figures_are_those_that_cannot_be() {
         let published = Published::load().unwrap();
-        let flags = |rows: &[BackboneErrors]| rows.iter().map(|r| (r.impossible().mae, r.impossible().sd)).collect();
-        let table_2: Vec<(bool, bool)> = flags(&published.table_2);
-        let table_3: Vec<(bool, bool)> = flags(&published.table_3);
+        let flags = |rows: &[BackboneErrors], decimals| -> Vec<(bool, bool)> {
+            rows.iter().map(|row| row.impossible(decimals)).map(|found| (found.mae, found.sd)).collect()
+        };
+        let (table_2, table_3) = (flags(&published.table_2, 3), flags(&published.table_3, 2));
         // Table 2: MobileNet's SD, ResNet50's MAE above its maximum. Table 3: SDs of the first two.
         assert_eq!(table_2, [(false, false), (false, true), (true, false)]);
         assert_eq!(table_3, [(false, true), (false, true), (false, false)]);
