@@ -24,7 +24,7 @@ pub struct KeyFigure {
     pub own: bool,
 }
 
-const ARMS: [Arm; 4] = [Arm::Tuned, Arm::Baseline, Arm::PredictMean, Arm::SpectrumControl];
+const ARMS: [Arm; 5] = [Arm::Tuned, Arm::Baseline, Arm::Ensemble, Arm::PredictMean, Arm::SpectrumControl];
 
 /// The mean absolute error of a predictor on the test subset, mean over refits.
 fn mae(run: &RunArtefacts, arm: Arm, quantity: Quantity) -> Option<&MetricRow> {
