@@ -87,7 +87,7 @@ fn name_of(errors: &BackboneErrors) -> &str {
 
 /// Mean and spread of absolute errors against what their extremes allow.
 fn bounds(table: u8, quantity: Quantity, errors: &BackboneErrors) -> Vec<Check> {
-    let impossible = errors.impossible(decimals(quantity));
+    let impossible = errors.impossible();
     let show = |value: f64| Printed::new(value, decimals(quantity)).to_string();
     let name = name_of(errors);
     let verdict = |wrong| if wrong { Verdict::Impossible } else { Verdict::Follows };
@@ -100,7 +100,7 @@ fn bounds(table: u8, quantity: Quantity, errors: &BackboneErrors) -> Vec<Check> 
         why: "a mean of absolute errors lies between the smallest and the largest".to_owned(),
     }];
     if !impossible.mae {
-        let most = errors.largest_sd(decimals(quantity));
+        let most = errors.largest_sd();
         checks.push(Check {
             table,
             item: format!("{name}, SD"),

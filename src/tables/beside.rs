@@ -56,7 +56,7 @@ fn by_backbone(run: &RunArtefacts, published: &Published, quantity: Quantity) ->
     let Some(printed) = model.and_then(|(_, model)| rows.iter().find(|row| row.model == *model)) else {
         return Vec::new();
     };
-    let impossible = printed.impossible(decimals(quantity));
+    let impossible = printed.impossible();
     let values = [
         (printed.mae, impossible.mae),
         (printed.sd, impossible.sd),

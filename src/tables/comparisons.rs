@@ -143,7 +143,7 @@ mod tests {
         let table = controls(&run(), &Quantity::ALL);
         let row = table.rows.iter().map(|row| row.iter().map(Cell::shown).collect::<Vec<_>>());
         let f: Vec<Vec<String>> = row.filter(|row| row[0].starts_with("focal")).collect();
-        assert_eq!(f.len(), 5);
+        assert_eq!(f.len(), 6);
         assert_eq!(f[0][1..3], ["with Optuna", "without Optuna"]);
         assert_eq!(f[0][6], "yes");
         assert!(f[0][5].starts_with('-'), "{:?}", f[0]);
@@ -155,7 +155,7 @@ mod tests {
         let text = plain(&summary(&run));
         assert!(text.contains("best trial"));
         let rows = summary(&run).rows;
-        assert_eq!(rows.iter().filter(|row| row[0] == Cell::text("test")).count(), 5 * 4 + 4);
+        assert_eq!(rows.iter().filter(|row| row[0] == Cell::text("test")).count(), 5 * 5 + 5);
         let objective = rows.iter().find(|row| row[1] == Cell::text("objective") && row[2] == Cell::text("best trial"));
         assert_eq!(objective.unwrap()[3], Cell::number(0.2, 4));
     }

@@ -62,7 +62,7 @@ fn backbone_table(
 }
 
 fn published_row(name: &str, printed: &BackboneErrors, quantity: Quantity) -> Vec<Cell> {
-    let impossible = printed.impossible(decimals(quantity));
+    let impossible = printed.impossible();
     let number = |value, flagged| Cell::Number { value, decimals: decimals(quantity), flagged };
     vec![
         Cell::text(name),

@@ -91,33 +91,32 @@ pub struct Impossible {
     pub sd: bool,
 }
 
-/// Half a unit of the last of `decimals`.
-fn rounding(decimals: usize) -> f64 {
-    0.5 * 0.1f64.powi(decimals as i32)
-}
+/// Half a unit of the second decimal, the coarsest that a row of Table 2 or 3 is printed with: the smallest errors of Table 2
+/// have two decimals beside three of the others.
+const ROUNDING: f64 = 0.005;
 
 impl BackboneErrors {
-    /// The largest standard deviation of numbers with this mean and these extremes, printed with `decimals`: a variance
+    /// The largest standard deviation of numbers with this mean and these extremes, as far as they are printed: a variance
     /// is at most (max − mean)(mean − min) (Bhatia and Davis 2000).
-    pub fn largest_sd(&self, decimals: usize) -> f64 {
-        (self.above(decimals).max(0.0) * self.below(decimals).max(0.0)).sqrt()
+    pub fn largest_sd(&self) -> f64 {
+        (self.above().max(0.0) * self.below().max(0.0)).sqrt()
     }
 
     /// Distance from the mean to the largest, at most.
-    fn above(&self, decimals: usize) -> f64 {
-        self.max - self.mae + rounding(decimals)
+    fn above(&self) -> f64 {
+        self.max - self.mae + ROUNDING
     }
 
     /// Distance from the smallest to the mean, at most.
-    fn below(&self, decimals: usize) -> f64 {
-        self.mae - self.min + rounding(decimals)
+    fn below(&self) -> f64 {
+        self.mae - self.min + ROUNDING
     }
 
-    /// What cannot be, allowing for rounding to `decimals`: a mean lies between the extremes, and a spread is bounded by
+    /// What cannot be, allowing for rounding to two decimals: a mean lies between the extremes, and a spread is bounded by
     /// them.
-    pub fn impossible(&self, decimals: usize) -> Impossible {
-        let mae = self.above(decimals) < 0.0 || self.below(decimals) < 0.0;
-        Impossible { mae, sd: !mae && self.sd - rounding(decimals) > self.largest_sd(decimals) }
+    pub fn impossible(&self) -> Impossible {
+        let mae = self.above() < 0.0 || self.below() < 0.0;
+        Impossible { mae, sd: !mae && self.sd - ROUNDING > self.largest_sd() }
     }
 }
 
@@ -238,10 +237,10 @@ mod tests {
     #[test]
     fn the_impossible_figures_are_those_that_cannot_be() {
         let published = Published::load().unwrap();
-        let flags = |rows: &[BackboneErrors], decimals| -> Vec<(bool, bool)> {
-            rows.iter().map(|row| row.impossible(decimals)).map(|found| (found.mae, found.sd)).collect()
+        let flags = |rows: &[BackboneErrors]| -> Vec<(bool, bool)> {
+            rows.iter().map(BackboneErrors::impossible).map(|found| (found.mae, found.sd)).collect()
         };
-        let (table_2, table_3) = (flags(&published.table_2, 3), flags(&published.table_3, 2));
+        let (table_2, table_3) = (flags(&published.table_2), flags(&published.table_3));
         // Table 2: MobileNet's SD, ResNet50's MAE above its maximum. Table 3: SDs of the first two.
         assert_eq!(table_2, [(false, false), (false, true), (true, false)]);
         assert_eq!(table_3, [(false, true), (false, true), (false, false)]);

@@ -60,7 +60,7 @@ mod tests {
         let (one, mut other) = (run().metrics, run().metrics);
         other.iter_mut().for_each(|row| row.value += 2.0);
         let table = over_seeds(Kind::Experiment, &[one.clone(), other]);
-        assert_eq!(table.rows.len(), 8);
+        assert_eq!(table.rows.len(), 10);
         let row = table.rows.iter().find(|row| row[1] == Cell::text("with Optuna")).unwrap();
         let wanted = |r: &&MetricRow| {
             (r.subset, r.arm, r.seed, r.quantity, r.metric)

@@ -36,7 +36,7 @@ fn a_run_moves_to_another_folder_and_is_verified_there() {
     for (results, copy) in [&plain, &cached] {
         assert_same(&run, copy);
         assert_eq!(std::fs::read(run.join("report.html")).unwrap(), std::fs::read(copy.join("report.html")).unwrap());
-        assert_eq!(succeed(panotune(results).arg("verify").arg(copy)), "same: 8 trainings\n");
+        assert_eq!(succeed(panotune(results).arg("verify").arg(copy)), "same: 10 trainings\n");
         let listed = succeed(panotune(results).arg("runs"));
         assert!(listed.contains("finished") && listed.contains("4/4"), "{listed}");
     }
