@@ -127,7 +127,10 @@ pub fn verdict(run: &RunArtefacts) -> Option<Verdict> {
         (false, true) => Tone::Good,
         (false, false) => Tone::Neutral,
     };
-    let text = found.iter().map(|(_, text)| text.as_str()).collect::<Vec<_>>().join("; ");
+    let text = match found.iter().all(|(c, _)| c.n_panoramas < 2) {
+        true => "one test panorama shows no difference".to_owned(),
+        false => found.iter().map(|(_, text)| text.as_str()).collect::<Vec<_>>().join("; "),
+    };
     (!found.is_empty()).then(|| Verdict { tone, text: format!("Tuned against baseline: {text}.") })
 }
 
@@ -136,7 +139,6 @@ fn difference(c: &Comparison, name: &str, unit: &str) -> String {
     let number = |x| fixed(x, digits);
     let size = number(c.difference.abs());
     match c.excludes_zero {
-        _ if c.n_panoramas < 2 => format!("one test panorama says nothing of {name}"),
         true if c.difference < 0.0 => {
             format!("the error of {name} is smaller by {size}{unit} [{}, {}]", number(-c.ci_high), number(-c.ci_low))
         }
@@ -160,13 +162,14 @@ pub fn summary(run: &RunArtefacts) -> String {
         return "No arm was evaluated on the test subset, so this page has no main number.".to_owned();
     };
     let own = if is_pretraining(run) { "the trained network" } else { "the tuned arm" };
+    let percent = 100.0 * run.experiment.evaluation.confidence;
     let mut text = format!(
-        "On {} test views of {} panoramas that training never saw, {own} errs by {} in focal length f on average \
-         (mean absolute error with its {} % interval)",
+        "On {} test views of {} that training never saw, {own} errs by {} in focal length f on average (mean absolute \
+         error{})",
         fixed(f64::from(tuned.n_views), 0),
-        tuned.n_panoramas,
+        if tuned.n_panoramas == 1 { "1 panorama".to_owned() } else { format!("{} panoramas", tuned.n_panoramas) },
         with_interval(tuned, " px"),
-        short(100.0 * run.experiment.evaluation.confidence)
+        if tuned.n_panoramas == 1 { String::new() } else { format!(" with its {} % interval", short(percent)) }
     );
     let others = [
         (Arm::Baseline, "the baseline arm by"),
