@@ -317,8 +317,10 @@ impl Trunk {
     /// Takes the derivative by the features of the last forward pass to derivatives by the parameters, which are added to those
     /// in [`gradient`](Trunk::gradient), or replace them with `anew`.
     pub(super) fn backward(&mut self, parameters: &[f32], by_features: &[f32], anew: bool) {
+        /// Derivatives that a thread clears at a time.
+        const PART: usize = 1 << 18;
         if anew {
-            self.gradient.fill(0.0);
+            self.gradient.par_chunks_mut(PART).for_each(|part| part.fill(0.0));
         }
         for (buffer, size) in self.gradients.iter_mut().zip(&self.plan.gradient_sizes) {
             buffer.resize(size * self.images);

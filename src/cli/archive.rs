@@ -6,12 +6,12 @@ use super::Failure;
 use super::args::Global;
 use super::args_runs::ArchiveArgs;
 use crate::archive::{self, Extracted};
-use crate::store::{Cache, RunName};
+use crate::store::{self, CACHE, Cache, RunName};
 
 pub(super) fn archive(global: &Global, args: &ArchiveArgs) -> Result<(), Failure> {
     match (&args.extract, &args.run) {
         (Some(file), _) => extract(global, file, args.into.as_deref()),
-        (None, Some(run)) => pack(global, run, args),
+        (None, Some(run)) => pack(global, &store::find_run(run, &global.results)?, args),
         (None, None) => Err(Failure::input("error: name a run, or an archive with `--extract`")),
     }
 }
@@ -30,7 +30,7 @@ fn pack(global: &Global, run: &Path, args: &ArchiveArgs) -> Result<(), Failure> 
 
 fn extract(global: &Global, file: &Path, into: Option<&Path>) -> Result<(), Failure> {
     let results = into.unwrap_or(&global.results);
-    let cache = global.cache.clone().unwrap_or_else(|| results.join(".cache"));
+    let cache = global.cache.clone().unwrap_or_else(|| results.join(CACHE));
     let Extracted { folder, known, artefacts } = archive::extract(file, results, &Cache::new(cache))?;
     if !global.quiet {
         known.iter().for_each(|run| eprintln!("{run} was there already, the same to the byte"));

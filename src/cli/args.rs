@@ -8,6 +8,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use super::args_runs::{ArchiveArgs, GcArgs, RunsArgs, ServeArgs, WatchArgs};
 use crate::evaluate::Arm;
 use crate::figures::study::StudyPlot;
+use crate::store::CACHE;
 
 /// Reproducible camera-characterisation studies from one YAML file.
 #[derive(Debug, Parser)]
@@ -47,7 +48,7 @@ pub struct Global {
 impl Global {
     /// The cache folder.
     pub fn cache(&self) -> PathBuf {
-        self.cache.clone().unwrap_or_else(|| self.results.join(".cache"))
+        self.cache.clone().unwrap_or_else(|| self.results.join(CACHE))
     }
 
     /// The number of threads.
@@ -221,8 +222,8 @@ fn tolerance(text: &str) -> Result<f64, String> {
 /// `panotune verify`.
 #[derive(Debug, Clone, Args)]
 pub struct VerifyArgs {
-    /// Folder of a finished run.
-    pub run: PathBuf,
+    /// A finished run: its folder, or the beginning of its name in the results folder.
+    pub run: String,
     /// Only this trial.
     #[arg(long, value_name = "N", conflicts_with = "sample")]
     pub trial: Option<u32>,

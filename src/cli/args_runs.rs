@@ -50,9 +50,9 @@ fn seconds(text: &str) -> Result<f64, String> {
 /// `panotune archive`.
 #[derive(Debug, Clone, Args)]
 pub struct ArchiveArgs {
-    /// Folder of a finished run.
+    /// A finished run: its folder, or the beginning of its name in the results folder.
     #[arg(required_unless_present = "extract")]
-    pub run: Option<PathBuf>,
+    pub run: Option<String>,
     /// The new file [default: <name>-<id>.zip].
     #[arg(long, value_name = "FILE", conflicts_with = "extract")]
     pub out: Option<PathBuf>,
@@ -70,8 +70,8 @@ pub struct ArchiveArgs {
 /// `panotune watch`.
 #[derive(Debug, Clone, Args)]
 pub struct WatchArgs {
-    /// Folder of a run.
-    pub run: PathBuf,
+    /// A run: its folder, or the beginning of its name in the results folder.
+    pub run: String,
     /// Show the present state and end.
     #[arg(long)]
     pub once: bool,

@@ -35,6 +35,7 @@ use crate::config::{ConfigErrors, Loaded, LoadedExperiment};
 use crate::error::{Class, Classify};
 use crate::kernel;
 use crate::pipeline::progress::Progress;
+use crate::store::Cache;
 use crate::study::Options;
 use args::{Command, ExperimentArgs, Global};
 use progress::{Bars, Format, Lines, Quiet};
@@ -122,8 +123,8 @@ fn options(global: &Global, fresh: bool) -> Options {
 
 /// The cache folder of a run that is named by its folder: the one that is asked for, or that beside it.
 fn cache_of(global: &Global, run: &Path) -> PathBuf {
-    let results = run.parent().and_then(Path::parent).filter(|_| global.cache.is_none());
-    results.map_or_else(|| global.cache(), |results| results.join(".cache"))
+    let own = Cache::of_run(run).filter(|_| global.cache.is_none());
+    own.map_or_else(|| global.cache(), |cache| cache.root().to_owned())
 }
 
 /// A value as one line of JSON.

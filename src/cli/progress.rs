@@ -1,9 +1,10 @@
 //! Progress for people and programs: bars on a terminal, plain lines on a pipe, JSON lines.
 
-use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
+use indicatif::{MultiProgress, ProgressBar, ProgressState, ProgressStyle};
 
 use super::interrupt;
 use crate::pipeline::plan::duration;
@@ -15,7 +16,13 @@ const BETWEEN_LINES: Duration = Duration::from_secs(5);
 /// Bars on standard error; work within work has a bar of its own below.
 pub(super) struct Bars {
     all: MultiProgress,
-    open: Mutex<Vec<ProgressBar>>,
+    open: Mutex<Vec<Bar>>,
+}
+
+struct Bar {
+    bar: ProgressBar,
+    /// Units that were there already.
+    found: Arc<AtomicU64>,
 }
 
 impl Bars {
@@ -23,9 +30,9 @@ impl Bars {
         Self { all: MultiProgress::new(), open: Mutex::new(Vec::new()) }
     }
 
-    fn with_last(&self, act: impl FnOnce(&ProgressBar)) {
-        if let Some(bar) = lock(&self.open).last() {
-            act(bar);
+    fn with_last(&self, act: impl FnOnce(&Bar)) {
+        if let Some(work) = lock(&self.open).last() {
+            act(work);
         }
     }
 }
@@ -36,30 +43,43 @@ fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
 
 impl Progress for Bars {
     fn begin(&self, label: &str, total: u64) {
-        let template = "{prefix:>12} {bar:32} {pos}/{len} {elapsed} eta {eta} {wide_msg}";
+        let template = "{prefix:>12} {bar:32} {pos}/{len} {elapsed}{left} {wide_msg}";
         let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
+        let found = Arc::new(AtomicU64::new(0));
+        let counted = Arc::clone(&found);
+        let style = style.with_key("left", move |state: &ProgressState, to: &mut dyn std::fmt::Write| {
+            let (done, total) = (state.pos(), state.len().unwrap_or(0));
+            let left = remaining(done, counted.load(Ordering::Relaxed), total, state.elapsed().as_secs_f64());
+            let _ = left.map_or(Ok(()), |seconds| write!(to, ", {} left", duration(seconds)));
+        });
         let bar = self.all.add(ProgressBar::new(total).with_style(style).with_prefix(label.to_owned()));
         bar.enable_steady_tick(Duration::from_millis(200));
-        lock(&self.open).push(bar);
+        lock(&self.open).push(Bar { bar, found });
     }
     fn advance(&self, by: u64) {
-        self.with_last(|bar| bar.inc(by));
+        self.with_last(|work| work.bar.inc(by));
+    }
+    fn found(&self, by: u64) {
+        self.with_last(|work| {
+            work.found.fetch_add(by, Ordering::Relaxed);
+            work.bar.inc(by);
+        });
     }
     fn advance_outer(&self, by: u64) {
         let open = lock(&self.open);
-        if let Some(bar) = open.len().checked_sub(2).and_then(|i| open.get(i)) {
-            bar.inc(by);
+        if let Some(work) = open.len().checked_sub(2).and_then(|i| open.get(i)) {
+            work.bar.inc(by);
         }
     }
     fn note(&self, text: &str) {
         let open = lock(&self.open);
-        if let Some(bar) = open.first() {
-            bar.set_message(text.to_owned());
+        if let Some(work) = open.first() {
+            work.bar.set_message(text.to_owned());
         }
     }
     fn end(&self) {
-        if let Some(bar) = lock(&self.open).pop() {
-            bar.finish();
+        if let Some(work) = lock(&self.open).pop() {
+            work.bar.finish();
         }
     }
     fn interrupted(&self) -> bool {
@@ -80,6 +100,8 @@ struct Work {
     label: String,
     total: u64,
     done: u64,
+    /// Units that were there already.
+    found: u64,
     begun: Instant,
     said: Instant,
 }
@@ -103,24 +125,27 @@ impl Lines {
                     "total": work.total, "seconds": seconds});
                 println!("{line}");
             }
-            Format::Plain => eprintln!("{}: {}/{}{}", work.label, work.done, work.total, remaining(work, seconds)),
+            Format::Plain => {
+                let time = match remaining(work.done, work.found, work.total, seconds) {
+                    _ if work.done >= work.total && work.total > 0 => format!(" in {}", duration(seconds)),
+                    left => left.map_or_else(String::new, |left| format!(", {} left", duration(left))),
+                };
+                eprintln!("{}: {}/{}{time}", work.label, work.done, work.total);
+            }
         }
     }
 }
 
-/// Time spent, and the time that is left at the pace so far.
-fn remaining(work: &Work, seconds: f64) -> String {
-    match work.done {
-        0 => String::new(),
-        done if done >= work.total => format!(" in {}", duration(seconds)),
-        done => format!(", {} left", duration(seconds / done as f64 * (work.total - done) as f64)),
-    }
+/// Seconds that are left of work that took `seconds` for all of the `done` units that were not `found`.
+fn remaining(done: u64, found: u64, total: u64, seconds: f64) -> Option<f64> {
+    let made = done.checked_sub(found).filter(|made| *made > 0 && done < total)?;
+    Some(seconds / made as f64 * (total - done) as f64)
 }
 
 impl Progress for Lines {
     fn begin(&self, label: &str, total: u64) {
         let now = Instant::now();
-        lock(&self.open).push(Work { label: label.to_owned(), total, done: 0, begun: now, said: now });
+        lock(&self.open).push(Work { label: label.to_owned(), total, done: 0, found: 0, begun: now, said: now });
     }
     fn advance(&self, by: u64) {
         let mut open = lock(&self.open);
@@ -130,6 +155,12 @@ impl Progress for Lines {
                 work.said = Instant::now();
                 self.say(work);
             }
+        }
+    }
+    fn found(&self, by: u64) {
+        if let Some(work) = lock(&self.open).last_mut() {
+            work.done += by;
+            work.found += by;
         }
     }
     fn advance_outer(&self, by: u64) {
@@ -164,5 +195,17 @@ impl Progress for Quiet {
     fn end(&self) {}
     fn interrupted(&self) -> bool {
         interrupt::asked()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_found_tells_nothing_of_the_pace() {
+        assert_eq!(remaining(30, 0, 90, 60.0), Some(120.0));
+        assert_eq!(remaining(30, 20, 90, 60.0), Some(360.0));
+        assert_eq!([remaining(30, 30, 90, 60.0), remaining(0, 0, 90, 60.0), remaining(90, 0, 90, 60.0)], [None; 3]);
     }
 }

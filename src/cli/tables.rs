@@ -6,8 +6,8 @@ use std::time::SystemTime;
 
 use super::Failure;
 use super::args::{Global, TableFormat, TablesArgs};
-use crate::compare::find;
 use crate::store;
+use crate::store::find_run;
 use crate::tables::artefacts::RunArtefacts;
 use crate::tables::published::Published;
 use crate::tables::{Table, audit, csv, latex, markdown, plain, suite_tables, tables as tables_of, write};
@@ -36,7 +36,7 @@ pub(super) fn tables(global: &Global, args: &TablesArgs) -> Result<(), Failure> 
 fn runs(global: &Global, args: &TablesArgs) -> Result<Vec<PathBuf>, Failure> {
     let results = &global.results;
     if !args.runs.is_empty() {
-        return args.runs.iter().map(|name| Ok(find(name, results)?)).collect();
+        return args.runs.iter().map(|name| Ok(find_run(name, results)?)).collect();
     }
     let mut newest: BTreeMap<String, (SystemTime, PathBuf)> = BTreeMap::new();
     for run in store::run_names(results)? {

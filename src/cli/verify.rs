@@ -3,6 +3,7 @@
 use super::args::{Global, VerifyArgs};
 use super::{Failure, cache_of, listener, options};
 use crate::error::Class;
+use crate::store;
 use crate::study::{self, Choice, Options};
 
 pub(super) fn verify(global: &Global, args: &VerifyArgs) -> Result<(), Failure> {
@@ -11,8 +12,9 @@ pub(super) fn verify(global: &Global, args: &VerifyArgs) -> Result<(), Failure> 
         (None, Some(share)) => Choice::Sample(share),
         (None, None) => Choice::All,
     };
-    let options = Options { cache: cache_of(global, &args.run), ..options(global, args.fresh) };
-    let verified = study::verify(&args.run, choice, &options, listener(global).as_ref())?;
+    let run = store::find_run(&args.run, &global.results)?;
+    let options = Options { cache: cache_of(global, &run), ..options(global, args.fresh) };
+    let verified = study::verify(&run, choice, &options, listener(global).as_ref())?;
     if global.json {
         println!("{}", verified.to_json());
     }

@@ -10,18 +10,20 @@ use super::args::Global;
 use super::args_runs::WatchArgs;
 use crate::error::Class;
 use crate::live::{self, Live, State};
+use crate::store;
 
 /// Time between two looks at the run.
 const PAUSE: Duration = Duration::from_millis(500);
 
 pub(super) fn watch(global: &Global, args: &WatchArgs) -> Result<(), Failure> {
+    let run = store::find_run(&args.run, &global.results)?;
     let mut shown = Shown { terminal: Term::stdout(), json: global.json, height: 0, before: None };
     loop {
-        let mut now = live::read(&args.run)?;
+        let mut now = live::read(&run)?;
         if now.summary.state == State::Interrupted {
             // It may be about to begin, or to go on.
             std::thread::sleep(PAUSE);
-            now = live::read(&args.run)?;
+            now = live::read(&run)?;
         }
         let state = now.summary.state;
         shown.show(now);

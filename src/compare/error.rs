@@ -3,28 +3,11 @@
 use std::path::PathBuf;
 
 use crate::error::{Class, Classify};
+use crate::store::listed;
 
 /// An error of a comparison. A difference is none.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// A name that stands for no run.
-    #[error("there is no run `{name}`: it is no folder, and no run in `{}` begins so{}", results.display(), list(candidates, "runs there"))]
-    NotFound {
-        /// The name as given.
-        name: String,
-        /// Where it was looked for.
-        results: PathBuf,
-        /// Runs that there are.
-        candidates: Vec<String>,
-    },
-    /// A name that stands for several runs.
-    #[error("`{name}` is the beginning of several runs{}", list(candidates, "give more of one of them"))]
-    Ambiguous {
-        /// The name as given.
-        name: String,
-        /// The runs.
-        candidates: Vec<String>,
-    },
     /// A folder that is no run.
     #[error("`{}` is not the folder of a run: `{missing}` is missing\nhint: give the folder that `panotune run` printed", folder.display())]
     NotARun {
@@ -34,7 +17,7 @@ pub enum Error {
         missing: &'static str,
     },
     /// The folder of a suite.
-    #[error("`{}` is the folder of a suite{}", folder.display(), list(runs, "compare its runs"))]
+    #[error("`{}` is the folder of a suite{}", folder.display(), listed(runs, "compare its runs"))]
     Suite {
         /// The folder.
         folder: PathBuf,
@@ -109,17 +92,4 @@ impl Classify for Error {
             _ => Class::Input,
         }
     }
-}
-
-/// Lines of a hint that lists `names`; at most ten.
-fn list(names: &[String], hint: &str) -> String {
-    if names.is_empty() {
-        return String::new();
-    }
-    let mut text = format!("\nhint: {hint}:");
-    names.iter().take(10).for_each(|name| text += &format!("\n  {name}"));
-    if names.len() > 10 {
-        text += &format!("\n  and {} more", names.len() - 10);
-    }
-    text
 }

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::Error;
 use super::run::Run;
 use super::settings::{self, SettingDifference};
-use crate::evaluate::{Arm, Prediction};
+use super::stages;
 use crate::train::Parting;
 
 /// Whether two runs are the same.
@@ -71,13 +71,17 @@ pub struct FirstDifference {
     pub step: Option<u32>,
     /// Name of a tensor.
     pub tensor: Option<String>,
-    /// Path of a setting, or name of a trial's parameter or of a row of metrics.
+    /// Path of a setting, name of a label, of a trial's parameter or of a row of metrics, column and row of a pixel, or place
+    /// of a number in its row of features.
     pub key: Option<String>,
     /// Id of a panorama, in the first run.
     pub panorama: Option<String>,
     /// Number of a view.
     pub view: Option<u32>,
-    /// What differs: `setting`, `artefact`, `parameter`, `rows`, `loss`, `tensor`, …, or the name of a file.
+    /// Copy of that view, 0 being the view itself.
+    #[serde(default)]
+    pub copy: Option<u32>,
+    /// What differs: `setting`, `artefact`, `label`, `pixel`, `number`, `parameter`, `rows`, `loss`, `tensor`, …, or the name of a file.
     pub what: String,
     /// As it is in the first run.
     pub first: Option<String>,
@@ -99,6 +103,7 @@ impl fmt::Display for FirstDifference {
         place.extend(self.step.map(|n| format!("step {n}")));
         place.extend(self.panorama.as_ref().map(|id| format!("panorama {}", id.get(..12).unwrap_or(id))));
         place.extend(self.view.map(|n| format!("view {n}")));
+        place.extend(self.copy.filter(|n| *n > 0).map(|n| format!("copy {n}")));
         let what = match (self.what.as_str(), &self.key, &self.tensor) {
             (_, _, Some(tensor)) => format!("tensor `{tensor}`"),
             (what, Some(key), _) => format!("{what} `{key}`"),
@@ -194,7 +199,7 @@ fn first_difference(a: &Run, b: &Run, artefacts: &[ArtefactState]) -> Result<Fir
     if let Some(found) = settings.first() {
         return Ok(setting(found));
     }
-    if let Some(found) = stage_artefact(a, b) {
+    if let Some(found) = stages::difference(a, b) {
         return Ok(found);
     }
     let changed: Vec<&ArtefactState> = artefacts.iter().filter(|artefact| artefact.state != State::Same).collect();
@@ -222,47 +227,6 @@ fn setting(found: &SettingDifference) -> FirstDifference {
         second: found.values.get(1).cloned().flatten(),
         ..Default::default()
     }
-}
-
-/// Stages whose artefacts are shared between runs, in the order of the data's flow.
-const STAGES: [&str; 5] = ["panoramas", "dataset", "features", "maps", "components"];
-
-/// The first stage that made something else of the same settings; another view where one can be named.
-fn stage_artefact(a: &Run, b: &Run) -> Option<FirstDifference> {
-    let hashes = |stage: &str| Some((a.stages.get(stage)?.clone(), b.stages.get(stage)?.clone()));
-    let differing = STAGES.iter().filter_map(|stage| Some((*stage, hashes(stage)?))).find(|(_, (x, y))| x != y);
-    let view = other_view(a, b);
-    let (stage, hashes) = match (differing, &view) {
-        (Some((stage, (x, y))), _) => (stage, [Some(x), Some(y)]),
-        // copies without a log
-        (None, Some((view, other))) if a.stages.is_empty() || b.stages.is_empty() => {
-            (if view.panorama == other.panorama { "dataset" } else { "panoramas" }, [None, None])
-        }
-        _ => return None,
-    };
-    let view = view.map(|(view, _)| view).filter(|_| ["panoramas", "dataset"].contains(&stage));
-    let [first, second] = hashes;
-    Some(FirstDifference {
-        stage: stage.to_owned(),
-        what: "artefact".to_owned(),
-        panorama: view.map(|view| view.panorama.clone()),
-        view: view.map(|view| view.view),
-        first,
-        second,
-        ..Default::default()
-    })
-}
-
-/// The first view of which the two runs have another panorama or label.
-fn other_view<'a>(a: &'a Run, b: &'a Run) -> Option<(&'a Prediction, &'a Prediction)> {
-    let views = |run: &'a Run| -> Option<Vec<&'a Prediction>> {
-        let refits = run.artefacts.as_ref().ok()?.predictions.get(&Arm::PredictMean)?;
-        let mut views: Vec<&Prediction> = refits.first()?.iter().collect();
-        views.sort_by_key(|view| view.view);
-        Some(views)
-    };
-    let label = |p: &Prediction| (p.view, p.panorama.clone(), p.f_true.to_bits(), p.xi_true.to_bits());
-    views(a)?.into_iter().zip(views(b)?).find(|(a, b)| label(a) != label(b))
 }
 
 /// The first trial that differs: in its parameters, in a step, or in what it left.

@@ -3,7 +3,6 @@
 
 mod curves;
 mod error;
-mod find;
 mod groups;
 mod identity;
 mod metrics;
@@ -11,6 +10,7 @@ mod page;
 mod run;
 mod settings;
 mod show;
+mod stages;
 mod tables;
 mod tolerance;
 mod verdict;
@@ -18,7 +18,6 @@ mod words;
 
 pub use curves::{CurvePoint, SearchCurve};
 pub use error::Error;
-pub use find::find;
 pub use groups::{GroupContrasts, GroupSpread};
 pub use identity::{ArtefactState, FirstDifference, Identity, State};
 pub use metrics::{CONFIDENCE, PairMetrics, RESAMPLES};
@@ -31,6 +30,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use crate::evaluate::Arm;
+use crate::store::{self, Cache};
 use groups::Group;
 use run::Run;
 
@@ -44,12 +44,22 @@ pub enum Subjects {
 }
 
 /// How runs are compared.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct Options {
     /// Compare values of `metrics.json` up to this relative difference, instead of bytes.
     pub metrics_only: Option<f64>,
     /// Whose errors are compared.
     pub arm: Arm,
+    /// The results folder: names of runs are shown without it.
+    pub results: PathBuf,
+    /// The cache of all runs [default: that of each run's results folder].
+    pub cache: Option<Cache>,
+}
+
+impl Options {
+    fn read(&self, folder: &Path, label: String) -> Result<Run, Error> {
+        Run::read(folder, label, self.cache.clone().or_else(|| Cache::of_run(folder)))
+    }
 }
 
 /// The result of a comparison; `comparison.json`.
@@ -105,25 +115,25 @@ pub struct ComparedRun {
     pub profile: String,
 }
 
-/// Compares finished runs. `results` is only for their names.
+/// Compares finished runs.
 ///
 /// # Errors
 /// Folders that are no finished runs, and files without which nothing can be compared. What can only be compared in part
 /// is, and says why. A difference is no error.
-pub fn compare(subjects: &Subjects, options: &Options, results: &Path) -> Result<Comparison, Error> {
+pub fn compare(subjects: &Subjects, options: &Options) -> Result<Comparison, Error> {
     match subjects {
         Subjects::Runs(folders) => {
-            let runs = folders.iter().enumerate().map(|(i, folder)| Run::read(folder, letter(i)));
-            of_runs(&runs.collect::<Result<Vec<_>, _>>()?, options, results)
+            let runs = folders.iter().enumerate().map(|(i, folder)| options.read(folder, letter(i)));
+            of_runs(&runs.collect::<Result<Vec<_>, _>>()?, options)
         }
         Subjects::Groups(groups) => {
-            let groups = groups.iter().map(|(name, folders)| read_group(name, folders));
-            of_groups(&groups.collect::<Result<Vec<_>, _>>()?, options, results)
+            let groups = groups.iter().map(|(name, folders)| read_group(name, folders, options));
+            of_groups(&groups.collect::<Result<Vec<_>, _>>()?, options)
         }
     }
 }
 
-fn of_runs(runs: &[Run], options: &Options, results: &Path) -> Result<Comparison, Error> {
+fn of_runs(runs: &[Run], options: &Options) -> Result<Comparison, Error> {
     let all: Vec<&Run> = runs.iter().collect();
     let pairs: Vec<[&Run; 2]> = all.iter().skip(1).map(|run| [all[0], run]).collect();
     let curves = all.iter().map(|run| curves::curve(&run.label, &[run])).collect();
@@ -133,11 +143,11 @@ fn of_runs(runs: &[Run], options: &Options, results: &Path) -> Result<Comparison
         settings: settings::differences(&all),
         settings_of,
         curves,
-        ..decided(&all, &pairs, options, results)?
+        ..decided(&all, &pairs, options)?
     })
 }
 
-fn of_groups(groups: &[Group], options: &Options, results: &Path) -> Result<Comparison, Error> {
+fn of_groups(groups: &[Group], options: &Options) -> Result<Comparison, Error> {
     let again = |(i, group): &(usize, &Group)| groups[..*i].iter().any(|other| other.name == group.name);
     if let Some((_, group)) = groups.iter().enumerate().find(again) {
         return Err(Error::SameGroup(group.name.clone()));
@@ -148,7 +158,7 @@ fn of_groups(groups: &[Group], options: &Options, results: &Path) -> Result<Comp
     let mut settings = settings::differences(&firsts);
     settings.retain(|difference| difference.key != "seed");
     let curve = |group: &Group| curves::curve(&group.name, &group.runs.iter().map(|(_, run)| run).collect::<Vec<_>>());
-    let decided = decided(&all, &by_seed(groups), options, results)?;
+    let decided = decided(&all, &by_seed(groups), options)?;
     let first_difference = decided.first_difference.clone().or_else(|| other_seeds(groups));
     Ok(Comparison {
         same: first_difference.is_none(),
@@ -188,7 +198,7 @@ fn other_seeds(groups: &[Group]) -> Option<FirstDifference> {
 }
 
 /// What decides whether `pairs` are the same, and the runs' names.
-fn decided(all: &[&Run], pairs: &[[&Run; 2]], options: &Options, results: &Path) -> Result<Comparison, Error> {
+fn decided(all: &[&Run], pairs: &[[&Run; 2]], options: &Options) -> Result<Comparison, Error> {
     let mut identities = Vec::new();
     let mut first_difference = None;
     for [a, b] in pairs {
@@ -207,7 +217,7 @@ fn decided(all: &[&Run], pairs: &[[&Run; 2]], options: &Options, results: &Path)
         first_difference,
         metrics_only: options.metrics_only,
         arm: options.arm,
-        runs: all.iter().map(|run| compared_run(run, results)).collect(),
+        runs: all.iter().map(|run| compared_run(run, &options.results)).collect(),
         identities,
         settings: Vec::new(),
         settings_of: Vec::new(),
@@ -221,7 +231,7 @@ fn decided(all: &[&Run], pairs: &[[&Run; 2]], options: &Options, results: &Path)
 fn compared_run(run: &Run, results: &Path) -> ComparedRun {
     ComparedRun {
         label: run.label.clone(),
-        run: find::shown(&run.folder, results),
+        run: store::run_shown(&run.folder, results),
         experiment: run.setting("name").to_owned(),
         seed: run.setting("seed").to_owned(),
         profile: run.setting("profile").to_owned(),
@@ -236,10 +246,10 @@ fn letter(i: usize) -> String {
     }
 }
 
-fn read_group(name: &str, folders: &[PathBuf]) -> Result<Group, Error> {
+fn read_group(name: &str, folders: &[PathBuf], options: &Options) -> Result<Group, Error> {
     let mut runs: Vec<(u64, Run)> = Vec::new();
     for folder in folders {
-        let mut run = Run::read(folder, String::new())?;
+        let mut run = options.read(folder, String::new())?;
         let seed = run.seed()?;
         run.label = format!("{name}/{seed}");
         runs.push((seed, run));

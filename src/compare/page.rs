@@ -2,7 +2,7 @@
 
 use super::identity::{Identity, State};
 use super::tables::{self, For};
-use super::verdict::{Verdict, words as names};
+use super::verdict::{Difference, Judged, Verdict, words as names};
 use super::{Comparison, words};
 use crate::evaluate::Metric;
 use crate::figures::Figure;
@@ -69,22 +69,28 @@ fn number(pair: &Identity) -> KeyNumber {
 
 /// What can be said of the mean absolute errors.
 fn summary(comparison: &Comparison) -> Vec<String> {
-    let line = |pair: String, rows: Vec<(&'static str, &str)>| {
-        let rows: Vec<String> = rows.into_iter().map(|(name, sentence)| format!("{name}: {sentence}")).collect();
+    let line = |pair: String, rows: Vec<String>| {
         (!rows.is_empty())
             .then(|| format!("Mean absolute error of the {} arm, {pair}. {}.", comparison.arm, rows.join("; ")))
     };
-    let runs = comparison.metrics.iter().filter_map(|pair| {
-        let mae = pair.rows.iter().filter(|row| row.contrast.metric == Metric::Mae);
-        let rows = mae.map(|row| (names(row.contrast.quantity, Metric::Mae).0, row.sentence.as_str())).collect();
-        line(format!("{} against {}", pair.second, pair.first), rows)
-    });
-    let groups = comparison.groups.iter().filter_map(|pair| {
-        let mae = pair.rows.iter().filter(|row| row.contrast.metric == Metric::Mae);
-        let rows = mae.map(|row| (names(row.contrast.quantity, Metric::Mae).0, row.sentence.as_str())).collect();
-        line(format!("group {} against group {}", pair.second, pair.first), rows)
-    });
+    let runs = comparison
+        .metrics
+        .iter()
+        .filter_map(|pair| line(format!("{} against {}", pair.second, pair.first), absolute(&pair.rows)));
+    let groups = comparison
+        .groups
+        .iter()
+        .filter_map(|pair| line(format!("group {} against group {}", pair.second, pair.first), absolute(&pair.rows)));
     runs.chain(groups).collect()
+}
+
+/// What is said of the mean absolute errors.
+fn absolute<C: Difference>(rows: &[Judged<C>]) -> Vec<String> {
+    let said = |row: &Judged<C>| match row.contrast.of() {
+        (quantity, Metric::Mae) => Some(format!("{}: {}", names(quantity, Metric::Mae).0, row.sentence)),
+        _ => None,
+    };
+    rows.iter().filter_map(said).collect()
 }
 
 fn facts(comparison: &Comparison) -> Vec<(&'static str, String)> {

@@ -3,12 +3,13 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use serde::Deserialize;
 use serde_json::Value;
 
 use super::Error;
 use crate::config;
 use crate::provenance::Provenance;
-use crate::store::{self, SUMS, hash_file};
+use crate::store::{self, Cache, Hash, SUMS, hash_file};
 use crate::tables::artefacts::RunArtefacts;
 
 /// What of a finished run is compared.
@@ -21,8 +22,10 @@ pub(super) struct Run {
     pub settings: Vec<(String, String)>,
     /// Checksums of its exact artefacts.
     pub files: BTreeMap<String, Sum>,
-    /// Hashes of the stages' artefacts.
-    pub stages: BTreeMap<String, String>,
+    /// The stages' artefacts.
+    pub stages: BTreeMap<String, Made>,
+    /// Where they may still be.
+    pub cache: Option<Cache>,
     /// What it was made with; a copy without that file has none.
     pub provenance: Option<Provenance>,
     /// Metrics, predictions and trials, or why they cannot be read.
@@ -35,6 +38,15 @@ pub(super) struct Sum {
     pub listed: String,
     /// Of the file; `None` if the folder is a copy without it.
     pub found: Option<String>,
+}
+
+/// An artefact that a stage made or found.
+#[derive(Debug, Clone, Deserialize)]
+pub(super) struct Made {
+    /// Its key in the cache.
+    pub key: Option<Hash>,
+    /// Hash of its files.
+    pub hash: String,
 }
 
 impl Sum {
@@ -50,11 +62,11 @@ impl Sum {
 }
 
 impl Run {
-    /// Reads the finished run in `folder`.
+    /// Reads the finished run in `folder`, whose artefacts are in `cache`.
     ///
     /// # Errors
     /// A folder that is none of a finished run, or files without which nothing can be compared.
-    pub fn read(folder: &Path, label: String) -> Result<Self, Error> {
+    pub fn read(folder: &Path, label: String, cache: Option<Cache>) -> Result<Self, Error> {
         if folder.join("runs.json").is_file() {
             let runs = serde_json::from_slice(&store::read(&folder.join("runs.json"))?).unwrap_or_default();
             return Err(Error::Suite { folder: folder.to_owned(), runs });
@@ -72,6 +84,7 @@ impl Run {
             provenance: provenance(&folder.join("provenance.json")),
             artefacts: RunArtefacts::read(folder).map(Box::new).map_err(|e| e.to_string()),
             folder: folder.to_owned(),
+            cache,
             label,
         })
     }
@@ -107,14 +120,15 @@ fn sums(folder: &Path) -> Result<BTreeMap<String, Sum>, Error> {
     text.lines().map(line).collect()
 }
 
-/// The hash of each stage's artefact, as the log has it last. The log is measured, not exact: what cannot be read of it
+/// Each stage's artefact, as the log has it last. The log is measured, not exact: what cannot be read of it
 /// is passed over.
-fn stages(log: &Path) -> BTreeMap<String, String> {
+fn stages(log: &Path) -> BTreeMap<String, Made> {
     let text = store::read_to_string(log).unwrap_or_default();
     let artefact = |line: &str| {
         let event: Value = serde_json::from_str(line).ok()?;
         let is_one = event["event"].as_str() == Some("stage_artefact");
-        is_one.then_some((event["stage"].as_str()?.to_owned(), event["hash"].as_str()?.to_owned()))
+        let stage = event["stage"].as_str().filter(|_| is_one)?.to_owned();
+        Some((stage, Made::deserialize(event).ok()?))
     };
     text.lines().filter_map(artefact).collect()
 }

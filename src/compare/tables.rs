@@ -1,7 +1,7 @@
 //! The tables of a comparison.
 
 use super::identity::{Identity, PARTS, State, part};
-use super::verdict::{decimals, words};
+use super::verdict::{Difference, Evidence, Judged, decimals, words};
 use super::{CONFIDENCE, Comparison, GroupContrasts, PairMetrics, RESAMPLES};
 use crate::tables::{Cell, Column, Table};
 
@@ -105,34 +105,23 @@ fn shortened(text: &str, width: usize) -> String {
 }
 
 /// A row of a table of differences.
-struct Difference<'a> {
-    words: (&'static str, &'static str, &'static str),
-    values: [f64; 2],
-    difference: f64,
-    interval: Option<(f64, f64)>,
-    p: f64,
-    p_holm: f64,
-    sentence: &'a str,
-}
-
-impl Difference<'_> {
-    fn cells(&self, wanted: For) -> Vec<Cell> {
-        let (name, metric, unit) = self.words;
-        let decimals = decimals(self.values[0], self.values[1]);
-        let mut cells = vec![Cell::text(name)];
-        match wanted {
-            For::Files => cells.extend([metric, unit].map(Cell::text)),
-            For::Terminal => cells.push(Cell::text(with_unit(metric, unit))),
-        }
-        cells.extend(self.values.map(|value| Cell::number(value, decimals)));
-        if wanted == For::Files {
-            let (value, interval) = (self.difference, self.interval);
-            cells.push(Cell::Estimate { value, spread: None, interval, decimals });
-        }
-        cells.extend([self.p, self.p_holm].map(|p| Cell::number(p, 4)));
-        cells.push(Cell::text(self.sentence));
-        cells
+fn difference_cells<C: Difference>(row: &Judged<C>, wanted: For) -> Vec<Cell> {
+    let (quantity, metric) = row.contrast.of();
+    let ((name, metric, unit), values) = (words(quantity, metric), row.contrast.values());
+    let Evidence { difference, interval, p, .. } = row.contrast.evidence();
+    let decimals = decimals(values[0], values[1]);
+    let mut cells = vec![Cell::text(name)];
+    match wanted {
+        For::Files => cells.extend([metric, unit].map(Cell::text)),
+        For::Terminal => cells.push(Cell::text(with_unit(metric, unit))),
     }
+    cells.extend(values.map(|value| Cell::number(value, decimals)));
+    if wanted == For::Files {
+        cells.push(Cell::Estimate { value: difference, spread: None, interval, decimals });
+    }
+    cells.extend([p, row.p_holm].map(|p| Cell::number(p, 4)));
+    cells.push(Cell::text(&row.sentence));
+    cells
 }
 
 /// e.g. `MSE (px²)`.
@@ -160,17 +149,7 @@ pub(super) fn errors(comparison: &Comparison, pair: &PairMetrics, wanted: For) -
     let (a, b) = (pair.first.as_str(), pair.second.as_str());
     let title = format!("Errors of the {} arm on the test subset, {b} against {a}", comparison.arm);
     let mut table = difference_table(&format!("errors_{a}_{b}"), title, [a, b], wanted);
-    table.rows = pair
-        .rows
-        .iter()
-        .map(|row| {
-            let c = &row.contrast;
-            let interval = Some((c.ci_low, c.ci_high));
-            let (values, words) = ([c.first, c.second], words(c.quantity, c.metric));
-            let (p, p_holm, sentence) = (c.p, row.p_holm, row.sentence.as_str());
-            Difference { words, values, difference: c.difference, interval, p, p_holm, sentence }.cells(wanted)
-        })
-        .collect();
+    table.rows = pair.rows.iter().map(|row| difference_cells(row, wanted)).collect();
     table.notes = match &pair.problem {
         Some(problem) => vec![format!("Not compared: {problem}.")],
         None => error_notes(pair, comparison.metrics.iter().map(|pair| pair.rows.len()).sum()),
@@ -268,17 +247,7 @@ pub(super) fn groups(comparison: &Comparison, pair: &GroupContrasts, wanted: For
     let (a, b) = (pair.first.as_str(), pair.second.as_str());
     let title = format!("Errors of the {} arm on the test subset, group {b} against group {a}", comparison.arm);
     let mut table = difference_table(&format!("groups_{a}_{b}"), title, [a, b], wanted);
-    table.rows = pair
-        .rows
-        .iter()
-        .map(|row| {
-            let c = &row.contrast;
-            let (values, words) = ([c.first, c.second], words(c.quantity, c.metric));
-            let (p, p_holm, sentence) = (c.p, row.p_holm, row.sentence.as_str());
-            Difference { words, values, difference: c.difference, interval: c.interval, p, p_holm, sentence }
-                .cells(wanted)
-        })
-        .collect();
+    table.rows = pair.rows.iter().map(|row| difference_cells(row, wanted)).collect();
     let percent = 100.0 * CONFIDENCE;
     let [of_a, of_b] = pair.seeds;
     let exact = pair.rows.iter().all(|row| row.contrast.exact);

@@ -6,7 +6,7 @@ use super::style::{self, BLUE, HEADING, INK, MARGIN, Mark, PAPER, SMALL, WIDTH};
 use super::{published, text};
 use crate::config::spec::CompareWith;
 use crate::dataset::Subset;
-use crate::evaluate::{Arm, Metric, MetricRow, Quantity};
+use crate::evaluate::{Arm, Comparison, Metric, MetricRow, Quantity};
 use crate::tables::artefacts::RunArtefacts;
 
 const METRICS: [Metric; 4] = [Metric::Mae, Metric::Mse, Metric::MeanError, Metric::Sde];
@@ -15,7 +15,7 @@ const ROW: f64 = 13.0;
 const LEFT: f64 = 84.0;
 /// Height of a bar.
 const BAR: f64 = 8.0;
-/// Room for a number to the right of the plot.
+/// Room for a number to the right of the plot, at least.
 const NUMBER: f64 = 40.0;
 /// Reductions below this are cut off.
 const FLOOR: f64 = -100.0;
@@ -241,11 +241,15 @@ pub fn reductions(run: &RunArtefacts, quantity: Quantity) -> (Drawing, String) {
     }
     let theirs = |m: Metric| if paper { published::value(quantity, m).map(|p| p.reduction) } else { None };
     let group = if paper { 27.0 } else { 22.0 };
-    let values = pairs.iter().flat_map(|(m, ours)| [Some(ours.max(FLOOR)), theirs(*m)]).flatten();
+    let intervals: Vec<_> = pairs.iter().map(|(metric, _)| reduction_interval(run, quantity, *metric)).collect();
+    let lowest = intervals.iter().flatten().map(|(low, _)| low.max(FLOOR));
+    let values = pairs.iter().flat_map(|(m, ours)| [Some(ours.max(FLOOR)), theirs(*m)]).flatten().chain(lowest);
     let scale = Scale::from_zero(values.chain([100.0]));
+    let numbers = pairs.iter().flat_map(|(m, ours)| [Some(*ours), theirs(*m)]).flatten();
+    let number = numbers.map(|value| text::width(&percent(value), SMALL, false) + 4.0).fold(NUMBER, f64::max);
     let panel = Panel {
         at: (LEFT, MARGIN),
-        size: (WIDTH - LEFT - MARGIN - NUMBER, group * pairs.len() as f64),
+        size: (WIDTH - LEFT - MARGIN - number, group * pairs.len() as f64),
         x: Scale::linear(scale.low, 100.0),
         y: Scale::linear(0.0, 1.0),
     };
@@ -257,24 +261,41 @@ pub fn reductions(run: &RunArtefacts, quantity: Quantity) -> (Drawing, String) {
         let theirs = theirs(*metric);
         let apart = if theirs.is_some() { 5.2 } else { 0.0 };
         reduction_bar(&mut d, &panel, middle - apart, *ours, true);
+        if let Some((low, high)) = intervals[i] {
+            let x = |value: f64| panel.point(value.max(FLOOR), 0.0).0;
+            interval(&mut d, (x(low), x(high)), middle - apart);
+        }
         if let Some(value) = theirs {
             reduction_bar(&mut d, &panel, middle + apart, value, false);
         }
     }
     zero_line(&mut d, &panel);
-    let end = legend(&mut d, (MARGIN, end + 13.0), WIDTH - 2.0 * MARGIN, &reduction_entries(paper));
+    let end = legend(
+        &mut d,
+        (MARGIN, end + 13.0),
+        WIDTH - 2.0 * MARGIN,
+        &reduction_entries(intervals.iter().any(Option::is_some), paper),
+    );
     d.end_at(end - Type::PLAIN.line());
-    (d, reductions_caption(quantity, paper))
+    let lines = intervals.iter().any(Option::is_some).then_some(run.experiment.evaluation.confidence);
+    (d, reductions_caption(quantity, lines, paper))
 }
 
-fn reductions_caption(quantity: Quantity, paper: bool) -> String {
-    let ours = format!(
+fn reductions_caption(quantity: Quantity, lines: Option<f64>, paper: bool) -> String {
+    let mut caption = format!(
         "Reduction of each error metric of {} from the baseline arm to the tuned arm, 100·(1 − |tuned|/|baseline|) of the \
          values in Figure {}; below zero the search made it worse. Bars are cut off at −100 %, with an arrow.",
         name(quantity),
         if quantity == Quantity::Xi { 12 } else { 14 }
     );
-    if paper { format!("{ours} Open bars are the paper's.") } else { ours }
+    if let Some(confidence) = lines {
+        let confidence = short(100.0 * confidence);
+        caption += &format!(" Lines are {confidence} % intervals (bootstrap over panoramas, both arms at once).");
+    }
+    if paper {
+        caption += " Open bars are the paper's.";
+    }
+    caption
 }
 
 /// A name of up to two lines left of the plot, about `middle`.
@@ -294,6 +315,17 @@ fn reduction(rows: &[&MetricRow], metric: Metric) -> Option<f64> {
     (baseline > 0.0).then(|| 100.0 * (1.0 - tuned / baseline))
 }
 
+/// Interval of a reduction of `comparisons.json`, if there are panoramas enough for one.
+fn reduction_interval(run: &RunArtefacts, quantity: Quantity, metric: Metric) -> Option<(f64, f64)> {
+    let compared = |row: &&Comparison| {
+        (row.subset, row.arm, row.against) == (Subset::Test, Arm::Tuned, Arm::Baseline)
+            && (row.quantity, row.metric) == (quantity, metric)
+    };
+    let row = run.comparisons.iter().find(compared)?;
+    let reduction = row.reduction.filter(|r| row.n_panoramas > 1 && r.ci_low < r.ci_high)?;
+    Some((reduction.ci_low, reduction.ci_high))
+}
+
 fn reduction_bar(d: &mut Drawing, panel: &Panel, y: f64, value: f64, ours: bool) {
     let shown = value.max(FLOOR);
     let (from, to) = (panel.point(shown.min(0.0), 0.0).0, panel.point(shown.max(0.0), 0.0).0);
@@ -304,14 +336,20 @@ fn reduction_bar(d: &mut Drawing, panel: &Panel, y: f64, value: f64, ours: bool)
         let tip = vec![(from - 5.0, y), (from, y - BAR / 2.0), (from, y + BAR / 2.0)];
         d.polygon(tip, Some(fill), Some(pen));
     }
-    let number = format!("{} %", fixed(value, 1));
-    d.text((WIDTH - MARGIN, y + SMALL * 0.36), number, Type::PLAIN.at(Anchor::End));
+    d.text((WIDTH - MARGIN, y + SMALL * 0.36), percent(value), Type::PLAIN.at(Anchor::End));
 }
 
-fn reduction_entries(paper: bool) -> Vec<(&'static str, &'static Sign)> {
+fn percent(value: f64) -> String {
+    format!("{} %", fixed(value, 1))
+}
+
+fn reduction_entries(lines: bool, paper: bool) -> Vec<(&'static str, &'static Sign)> {
     let mut entries: Vec<(&'static str, &'static Sign)> = vec![("this run", &|d, (x, y)| {
         d.rect((x - 6.0, y - 3.0), (12.0, 6.0), Some(style::tint(BLUE, 0.75)), Some(Stroke::solid(BLUE, 0.8)));
     })];
+    if lines {
+        entries.push(("interval", &|d, (x, y)| interval(d, (x - 6.0, x + 6.0), y)));
+    }
     if paper {
         entries.push(("published", &|d, (x, y)| {
             d.rect((x - 6.0, y - 3.0), (12.0, 6.0), Some(PAPER), Some(Stroke::solid(INK, 0.8)));

@@ -7,7 +7,7 @@ use serde_json::json;
 use super::Curve;
 use crate::config::spec::{Experiment, NetworkKind};
 use crate::dataset::{Subset, View};
-use crate::evaluate::{Arm, Metric, MetricRow, Prediction, Quantity};
+use crate::evaluate::{Arm, Comparison, Metric, MetricRow, Prediction, Quantity, Reduction};
 use crate::search::TrialState;
 use crate::tables::artefacts::{
     EstimatedView, FlowStep, Gallery, GalleryView, ImportanceRow, LayerRow, ParamValue, Picture, Place, RunArtefacts,
@@ -40,7 +40,7 @@ pub(crate) fn run(trials: u32, layers: u32) -> RunArtefacts {
     RunArtefacts {
         experiment: experiment(),
         metrics: metrics(),
-        comparisons: Vec::new(),
+        comparisons: comparisons(),
         predictions: predictions(&mut noise),
         importance: if trials.len() > 2 { importance(layers) } else { Vec::new() },
         trials,
@@ -389,6 +389,42 @@ fn metrics() -> Vec<MetricRow> {
         })
     });
     rows.collect()
+}
+
+/// The tuned arm against the baseline; of the mean error the interval goes beyond what is drawn.
+fn comparisons() -> Vec<Comparison> {
+    let of = |quantity, metric| {
+        let rows = metrics();
+        let mean = |arm| {
+            rows.iter()
+                .find(|r| (r.arm, r.quantity, r.metric, r.seed) == (arm, quantity, metric, None))
+                .map_or(f64::NAN, |r| r.value.abs())
+        };
+        let (value, reference) = (mean(Arm::Tuned), mean(Arm::Baseline));
+        let percent = 100.0 * (1.0 - value / reference);
+        let half = if metric == Metric::MeanError { 190.0 } else { 9.0 };
+        Comparison {
+            subset: Subset::Test,
+            arm: Arm::Tuned,
+            against: Arm::Baseline,
+            quantity,
+            metric,
+            value,
+            reference,
+            difference: value - reference,
+            ci_low: 1.2 * (value - reference),
+            ci_high: 0.8 * (value - reference),
+            excludes_zero: true,
+            reduction: Some(Reduction { percent, ci_low: percent - half, ci_high: (percent + half).min(100.0) }),
+            n_views: 240,
+            n_panoramas: 20,
+        }
+    };
+    let quantities = [Quantity::FocalPx, Quantity::Xi];
+    quantities
+        .into_iter()
+        .flat_map(|q| [Metric::Mae, Metric::Mse, Metric::MeanError, Metric::Sde].map(|m| of(q, m)))
+        .collect()
 }
 
 fn predictions(noise: &mut Noise) -> BTreeMap<Arm, Vec<Vec<Prediction>>> {

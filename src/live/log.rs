@@ -148,7 +148,8 @@ impl Log {
         let stage = self.stages.last().filter(|stage| stage.seconds.is_none())?;
         let expected = stage.estimate.map(|seconds| (stage.began + seconds - now).max(0.0));
         let (Some((since, first)), Some(work)) = (&self.first, self.finest()) else { return expected };
-        let (done, elapsed) = (work.done.saturating_sub(first.done), self.told - since);
+        let made = |work: &Work| work.done.saturating_sub(work.found);
+        let (done, elapsed) = (made(work).saturating_sub(made(first)), self.told - since);
         if done == 0 || elapsed <= 0.0 {
             return expected;
         }

@@ -6,6 +6,10 @@ pub trait Progress: Sync {
     fn begin(&self, label: &str, total: u64);
     /// `by` more units are done.
     fn advance(&self, by: u64);
+    /// `by` units were there already: they are done, but tell nothing of the pace.
+    fn found(&self, by: u64) {
+        self.advance(by);
+    }
     /// More units are done of the work that contains the present one (trials, while epochs are counted).
     fn advance_outer(&self, _by: u64) {}
     /// One line about the present state, e.g. the best value so far.

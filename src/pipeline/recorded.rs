@@ -24,6 +24,9 @@ pub struct Work {
     pub work: String,
     /// Units done.
     pub done: u64,
+    /// Those of them that were there already.
+    #[serde(default)]
+    pub found: u64,
     /// Units in all.
     pub total: u64,
 }
@@ -57,11 +60,12 @@ impl<'a> Recorded<'a> {
         let _ = self.events.tell("progress", &json!({ "work": state.open }));
     }
 
-    fn count(&self, level: impl FnOnce(usize) -> Option<usize>, by: u64) {
+    /// Changes what is counted `level` levels outside the innermost work.
+    fn count(&self, level: usize, change: impl FnOnce(&mut Work)) {
         let mut state = self.state();
-        let place = level(state.open.len());
+        let place = state.open.len().checked_sub(1 + level);
         if let Some(work) = place.and_then(|i| state.open.get_mut(i)) {
-            work.done += by;
+            change(work);
         }
         if state.told.elapsed() >= (self.events.elapsed() / SHARE).clamp(BETWEEN.0, BETWEEN.1) {
             self.tell(&mut state);
@@ -72,7 +76,7 @@ impl<'a> Recorded<'a> {
 impl Progress for Recorded<'_> {
     fn begin(&self, label: &str, total: u64) {
         let mut state = self.state();
-        state.open.push(Work { work: label.to_owned(), done: 0, total });
+        state.open.push(Work { work: label.to_owned(), done: 0, found: 0, total });
         if state.open.len() <= LEVELS {
             self.tell(&mut state);
         }
@@ -80,11 +84,18 @@ impl Progress for Recorded<'_> {
         self.listener.begin(label, total);
     }
     fn advance(&self, by: u64) {
-        self.count(|open| open.checked_sub(1), by);
+        self.count(0, |work| work.done += by);
         self.listener.advance(by);
     }
+    fn found(&self, by: u64) {
+        self.count(0, |work| {
+            work.done += by;
+            work.found += by;
+        });
+        self.listener.found(by);
+    }
     fn advance_outer(&self, by: u64) {
-        self.count(|open| open.checked_sub(2), by);
+        self.count(1, |work| work.done += by);
         self.listener.advance_outer(by);
     }
     fn note(&self, text: &str) {
@@ -117,7 +128,8 @@ mod tests {
         let events = Events::open(&path).unwrap();
         let recorded = Recorded::new(&Silent, &events);
         recorded.begin("trials", 3);
-        recorded.begin("epochs", 9);
+        recorded.begin("epochs", 12);
+        recorded.found(3);
         for _ in 0..9 {
             recorded.begin("images", 100);
             recorded.advance(100);
@@ -132,8 +144,7 @@ mod tests {
         let names: Vec<_> = lines.iter().map(|l| l["event"].as_str().unwrap()).collect();
         assert_eq!(names, ["progress", "progress", "note", "progress"]);
         let last = &lines[3]["work"];
-        let expected =
-            json!([{ "work": "trials", "done": 1, "total": 3 }, { "work": "epochs", "done": 9, "total": 9 }]);
+        let expected = json!([{ "work": "trials", "done": 1, "found": 0, "total": 3 }, { "work": "epochs", "done": 12, "found": 3, "total": 12 }]);
         assert_eq!(last, &expected);
     }
 }

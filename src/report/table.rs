@@ -43,19 +43,22 @@ impl TableView {
             let number = cells.peek().is_some() && cells.all(|cell| is_number(&cell.shown()));
             ColumnView { text: column.title.clone(), number }
         };
+        let columns: Vec<ColumnView> = table.columns.iter().enumerate().map(column).collect();
+        let row = |row: &Vec<Cell>| row.iter().zip(&columns).map(|(cell, column)| view(cell, column.number)).collect();
         Self {
             name: table.id.clone(),
             title: table.heading(),
             notes: table.notes.clone(),
-            columns: table.columns.iter().enumerate().map(column).collect(),
-            rows: table.rows.iter().map(|row| row.iter().map(cell).collect()).collect(),
+            rows: table.rows.iter().map(row).collect(),
+            columns,
             filed: true,
             folded: false,
         }
     }
 }
 
-fn cell(cell: &Cell) -> CellView {
+/// A cell of a column that holds nothing but numbers, or other texts too: then all of them are set to the left.
+fn view(cell: &Cell, number: bool) -> CellView {
     let text = cell.shown();
     let value = match cell {
         Cell::Number { value, .. } | Cell::Estimate { value, .. } => Some(*value),
@@ -63,7 +66,7 @@ fn cell(cell: &Cell) -> CellView {
         Cell::Missing | Cell::NotRun => None,
     };
     let value = value.filter(|v| v.is_finite());
-    CellView { number: is_number(&text), missing: is_missing(cell), value, text }
+    CellView { number, missing: is_missing(cell), value, text }
 }
 
 fn is_missing(cell: &Cell) -> bool {
@@ -90,7 +93,7 @@ mod tests {
 
     #[test]
     fn rows_are_sorted_by_unrounded_numbers() {
-        let value = |c: Cell| cell(&c).value;
+        let value = |c: Cell| view(&c, true).value;
         assert_eq!(value(Cell::number(1.23456, 1)), Some(1.23456));
         assert_eq!(value(Cell::text("−0.001")), Some(-0.001));
         assert_eq!([value(Cell::text("adam")), value(Cell::Missing), value(Cell::number(f64::NAN, 2))], [None; 3]);

@@ -28,6 +28,9 @@ struct Entry {
     sha256: Hash,
 }
 
+/// Name of the cache in a results folder.
+pub const CACHE: &str = ".cache";
+
 /// The folder of all artefacts.
 #[derive(Debug, Clone)]
 pub struct Cache {
@@ -38,6 +41,11 @@ impl Cache {
     /// The cache in folder `root`, which need not exist yet.
     pub fn new(root: impl Into<PathBuf>) -> Self {
         Self { root: root.into() }
+    }
+
+    /// The cache of the results folder in which the run `folder` lies; `None` if the path does not tell that folder.
+    pub fn of_run(folder: &Path) -> Option<Self> {
+        Some(Self::new(folder.parent().and_then(Path::parent)?.join(CACHE)))
     }
 
     /// The folder of the artefact of `stage` with content key `key`.

@@ -7,6 +7,7 @@ mod appender;
 mod artefact;
 mod aside;
 mod file;
+mod find_run;
 mod hash;
 mod inside;
 mod log;
@@ -17,9 +18,11 @@ mod shared_log;
 mod tensor;
 
 pub use appender::Appender;
-pub use artefact::{Artefact, ArtefactLock, ArtefactWriter, Cache, Cached};
+pub use artefact::{Artefact, ArtefactLock, ArtefactWriter, CACHE, Cache, Cached};
 pub use aside::{Staging, remove_aside, was_aside};
 pub use file::{AtomicFile, copy, create_dir, make, read, read_to_string, remove_dir, remove_file, write, write_json};
+pub(crate) use find_run::listed;
+pub use find_run::{find_run, run_shown};
 pub use hash::{Hash, Hasher, hash_bytes, hash_file, hash_json};
 pub use inside::{open_inside, safe_segments};
 pub use log::AppendLog;
@@ -62,6 +65,24 @@ pub enum Error {
         /// How long was waited.
         seconds: f64,
     },
+    /// A name that stands for no run.
+    #[error("there is no run `{name}`: it is no folder, and no run in `{}` begins so{}", results.display(), find_run::listed(candidates, "runs there"))]
+    NotFound {
+        /// The name as given.
+        name: String,
+        /// Where it was looked for.
+        results: PathBuf,
+        /// Runs that there are.
+        candidates: Vec<String>,
+    },
+    /// A name that stands for several runs.
+    #[error("`{name}` is the beginning of several runs{}", find_run::listed(candidates, "give more of one of them"))]
+    Ambiguous {
+        /// The name as given.
+        name: String,
+        /// The runs.
+        candidates: Vec<String>,
+    },
     /// A value does not serialise; a bug.
     #[error("cannot serialise `{}`: {source}", path.display())]
     Serialise {
@@ -74,7 +95,10 @@ pub enum Error {
 
 impl Classify for Error {
     fn class(&self) -> Class {
-        Class::Run
+        match self {
+            Error::NotFound { .. } | Error::Ambiguous { .. } => Class::Input,
+            _ => Class::Run,
+        }
     }
 }
 

@@ -48,8 +48,12 @@ pub(super) fn refit(
     };
     let jobs = VecDeque::from(jobs(spec, leaders.len()));
     let (n, epochs) = (jobs.len() as u64, u64::from(spec.train.epochs));
+    let found =
+        jobs.iter().filter(|(arm, index)| model(run.path(), Which::Refit(*arm, *index)).is_file()).count() as u64;
     stages.progress.begin("refits", n);
+    stages.progress.found(found);
     stages.progress.begin("epochs", n * epochs);
+    stages.progress.found(found * epochs);
     let (jobs, predictions) = (Mutex::new(jobs), Mutex::new(BTreeMap::new()));
     let take = || jobs.lock().unwrap_or_else(PoisonError::into_inner).pop_front();
     let work = || {
@@ -59,7 +63,6 @@ pub(super) fn refit(
             let predicted = trained.and_then(|network| training.predict(&network, views));
             let predicted = predicted.inspect_err(|_| stages.stop())?;
             predictions.lock().unwrap_or_else(PoisonError::into_inner).insert(job, predicted);
-            stages.progress.advance_outer(1);
         }
         Ok(())
     };
@@ -81,7 +84,7 @@ pub(super) fn refit(
 
 /// The trainings of all refits: each arm with each seed, and, if there are enough `leaders`, the other members of the
 /// ensemble, whose first is the tuned arm's first refit.
-fn jobs(spec: &Experiment, leaders: usize) -> Vec<(Arm, u32)> {
+pub(super) fn jobs(spec: &Experiment, leaders: usize) -> Vec<(Arm, u32)> {
     let of_seed = |i: u32| [Arm::Baseline, Arm::Tuned].map(|arm| (arm, i));
     let mut jobs: Vec<(Arm, u32)> = (0..spec.evaluation.refit_seeds).flat_map(of_seed).collect();
     if leaders >= ENSEMBLE {
@@ -95,11 +98,6 @@ pub(super) fn networks(spec: &Experiment, leaders: usize) -> u32 {
     jobs(spec, leaders).len() as u32
 }
 
-/// The trainings of the ensemble's members, but for the first.
-pub(super) fn ensemble_members() -> impl Iterator<Item = Which> {
-    (1..ENSEMBLE as u32).map(|place| Which::Refit(Arm::Ensemble, place))
-}
-
 /// One refit: trained, or read if it is finished (its model is written last).
 fn one(
     run: &Path,
@@ -111,12 +109,11 @@ fn one(
     stages: &Stages,
 ) -> Result<Network, Error> {
     let which = Which::Refit(arm, index);
-    let model: PathBuf = run.join("models").join(format!("{which}.safetensors"));
-    let epochs = Epochs::new(stages, train.epochs);
+    let model = model(run, which);
     if model.is_file() {
-        epochs.finish();
         return Ok(training.load(&model)?);
     }
+    let epochs = Epochs::new(stages, train.epochs);
     let (checkpoint, chain) = (which.checkpoint(run), which.chain(run));
     let (seed, steps) = (which.seed(spec.seed), Steps::To(&chain));
     let settings = Settings { network, train, seed, checkpoint: Some(&checkpoint), steps };
@@ -128,5 +125,11 @@ fn one(
     done.network.save(&model)?;
     store::remove_dir(&checkpoint)?;
     epochs.finish();
+    stages.progress.advance_outer(1);
     Ok(done.network)
+}
+
+/// File of a refit's network.
+fn model(run: &Path, which: Which) -> PathBuf {
+    run.join("models").join(format!("{which}.safetensors"))
 }

@@ -449,6 +449,12 @@ impl<'a> Epochs<'a> {
         Self { stages, left: AtomicU64::new(epochs.into()), depth: AtomicU64::new(0) }
     }
 
+    /// Takes up to `by` epochs off what is left.
+    fn take(&self, by: u64) -> u64 {
+        let before = self.left.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |n| Some(n.saturating_sub(by)));
+        by.min(before.unwrap_or(0))
+    }
+
     /// The training ended: the epochs that it did not need are done, too.
     pub(super) fn finish(&self) {
         self.stages.progress.advance(self.left.swap(0, Ordering::Relaxed));
@@ -465,8 +471,13 @@ impl Progress for Epochs<'_> {
         if self.depth.load(Ordering::Relaxed) > 1 {
             return self.stages.progress.advance(by);
         }
-        let before = self.left.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |n| Some(n.saturating_sub(by)));
-        self.stages.progress.advance(by.min(before.unwrap_or(0)));
+        self.stages.progress.advance(self.take(by));
+    }
+    fn found(&self, by: u64) {
+        if self.depth.load(Ordering::Relaxed) > 1 {
+            return self.stages.progress.found(by);
+        }
+        self.stages.progress.found(self.take(by));
     }
     fn note(&self, _: &str) {}
     fn end(&self) {

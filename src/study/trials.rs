@@ -86,9 +86,9 @@ pub(super) fn search(
     let done = study.study().finished().count() as u64;
     let epochs = u64::from(spec.train.epochs);
     stages.progress.begin("trials", spec.search.trials.into());
-    stages.progress.advance(done);
+    stages.progress.found(done);
     stages.progress.begin("epochs", epochs * u64::from(spec.search.trials));
-    stages.progress.advance(done * epochs);
+    stages.progress.found(done * epochs);
     let office =
         Office { spec, space, run: run.path(), training, stages, study: Mutex::new(study), changed: Condvar::new() };
     let workers = training.workers(options).min(spec.search.concurrency as usize).max(1);

@@ -114,7 +114,7 @@ pub(crate) fn fit_engine(
         observer.resumed(&run.curve);
     }
     progress.begin("epochs", u64::from(plan.train.epochs));
-    progress.advance(u64::from(run.position.epoch));
+    progress.found(u64::from(run.position.epoch));
     let stopped = run.epochs(observer, progress);
     progress.end();
     let stopped = run.end(stopped)?;

@@ -87,7 +87,7 @@ impl State {
             let second = split_first(&mut second, values.len());
             let (rule, keep) = if group == Group::Head { head } else { backbone };
             let step = Step { rule, keep: if decays { keep } else { 1.0 }, scale };
-            finite &= update(isa(), step, values, gradient, first, second);
+            finite &= update_in_parallel(step, values, gradient, first, second);
         })?;
         Ok(finite)
     }
@@ -122,6 +122,25 @@ fn split_first<'a>(rest: &mut &'a mut [f32], n: usize) -> &'a mut [f32] {
     let (first, after) = std::mem::take(rest).split_at_mut(n);
     *rest = after;
     first
+}
+
+/// [`update`] of parts on the current pool of threads.
+fn update_in_parallel(step: Step, p: &mut [f32], g: &[f32], first: &mut [f32], second: &mut [f32]) -> bool {
+    /// Parameters that one thread updates at a time.
+    const PART: usize = 1 << 18;
+    if p.len() <= PART {
+        return update(isa(), step, p, g, first, second);
+    }
+    let half = p.len() / 2;
+    let ((p, p_after), (g, g_after)) = (p.split_at_mut(half), g.split_at(half));
+    let (first, first_after) = first.split_at_mut(half);
+    // SGD has none
+    let (second, second_after) = second.split_at_mut(half.min(second.len()));
+    let (finite, finite_after) = rayon::join(
+        || update_in_parallel(step, p, g, first, second),
+        || update_in_parallel(step, p_after, g_after, first_after, second_after),
+    );
+    finite && finite_after
 }
 
 per_isa! {

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Output;
 
+use panotune::store::{self, Cache, Hash};
 use serde_json::{Value, json};
 
 use crate::support::{fail_with, panotune, succeed, tiny};
@@ -76,6 +77,7 @@ fn runs_are_the_same_or_first_differ_where_something_was_changed() {
     assert!(said.contains("Exact artefacts of A and B") && said.contains("cannot tell with n = 1"), "{said}");
 
     a_changed_step_is_found(at, &b, &pair);
+    a_changed_artefact_is_found(at, &a);
     metrics_decide_if_asked(at, &b, &pair);
     names_and_folders(at, &a, &b);
 }
@@ -123,6 +125,77 @@ fn a_changed_step_is_found(at: &Path, b: &Path, pair: &[&str]) {
             assert!(problem.contains("checksum"), "what is left is compared, and why not all: {problem}");
         },
     );
+}
+
+/// A copy of `run` in results of its own, in whose cache the file `name` of the artefact of `stage` has another bit in byte
+/// `place`, as if another machine had made it.
+fn with_another_artefact(run: &Path, to: &Path, stage: &str, name: &str, place: usize) -> PathBuf {
+    let below = run.strip_prefix(run.parent().unwrap().parent().unwrap()).unwrap();
+    let copy = to.join(below);
+    for file in ["resolved.yaml", "SHA256SUMS", "provenance.json", "metrics.json", "events.jsonl"] {
+        store::create_dir(&copy).unwrap();
+        std::fs::copy(run.join(file), copy.join(file)).unwrap();
+    }
+    std::fs::write(copy.join("metrics.json"), "[]").unwrap();
+    let (from, cache) = (Cache::of_run(run).unwrap(), Cache::of_run(&copy).unwrap());
+    let log = std::fs::read_to_string(run.join("events.jsonl")).unwrap();
+    let events = log.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
+    for event in events.filter(|event| event["event"] == "stage_artefact") {
+        let of = event["stage"].as_str().unwrap();
+        let key: Hash = serde_json::from_value(event["key"].clone()).unwrap();
+        let artefact = cache.open_or_make(of, &key, |writer| {
+            for entry in std::fs::read_dir(from.folder(of, &key)).unwrap() {
+                let file = entry.unwrap().file_name().into_string().unwrap();
+                let mut bytes = std::fs::read(from.folder(of, &key).join(&file)).unwrap();
+                if of == stage && file == name {
+                    bytes[place] ^= 1;
+                }
+                if file != "MANIFEST.json" {
+                    std::fs::write(writer.path(&file), bytes).unwrap();
+                }
+            }
+            Ok::<(), store::Error>(())
+        });
+        if of == stage {
+            let before = event["hash"].as_str().unwrap();
+            std::fs::write(copy.join("events.jsonl"), log.replace(before, artefact.unwrap().hash().as_str())).unwrap();
+        }
+    }
+    copy
+}
+
+fn a_changed_artefact_is_found(at: &Path, a: &Path) {
+    let first = |stage: &str, name: &str, place: usize| {
+        let other = tempfile::tempdir().unwrap();
+        let copy = with_another_artefact(a, other.path(), stage, name, place);
+        let pair = [a.to_str().unwrap(), copy.to_str().unwrap()];
+        eprintln!("{}", fail_with(3, panotune(at).arg("compare").args(pair)));
+        let found = compare(at, &pair, 3)["first_difference"].clone();
+        store::remove_dir(&Cache::of_run(&copy).unwrap().root().join(stage)).unwrap();
+        let without = compare(at, &pair, 3)["first_difference"].clone();
+        assert_eq!((&without["stage"], &without["what"]), (&json!(stage), &json!("artefact")));
+        found
+    };
+    let place = |found: &Value, keys: &[&str]| keys.iter().map(|key| found[*key].clone()).collect::<Vec<_>>();
+    let rows = Cache::of_run(a).unwrap().root().join("features");
+    let folder =
+        std::fs::read_dir(rows).unwrap().map(|entry| entry.unwrap().path()).find(|path| path.is_dir()).unwrap();
+    let features: Value = serde_json::from_slice(&std::fs::read(folder.join("features.json")).unwrap()).unwrap();
+    let dim = features["dim"].as_u64().unwrap() as usize;
+    let found = first("features", "features.bin", 4 * (5 * dim + 3));
+    let row = &features["rows"][5];
+    let expected = vec![json!("features"), row["view"].clone(), row["copy"].clone(), json!("number"), json!("3")];
+    assert_eq!(place(&found, &["stage", "view", "copy", "what", "key"]), expected);
+    assert!(found["panorama"].is_string() && found["first"] != found["second"], "{found}");
+
+    let folder = Cache::of_run(a).unwrap().root().join("dataset");
+    let folder =
+        std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).find(|path| path.is_dir()).unwrap();
+    let labels: Value = serde_json::from_slice(&std::fs::read(folder.join("views.json")).unwrap()).unwrap();
+    let side = labels["image_px"].as_u64().unwrap() as usize;
+    let found = first("dataset", "views.bin", 3 * (2 * side * side + 7 * side + 4));
+    let expected = [json!("dataset"), json!(2), json!("pixel"), json!("4,7")];
+    assert_eq!(place(&found, &["stage", "view", "what", "key"]), expected);
 }
 
 fn metrics_decide_if_asked(at: &Path, b: &Path, pair: &[&str]) {

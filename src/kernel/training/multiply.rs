@@ -11,7 +11,7 @@ use crate::kernel::pieces::{Piece, pieces};
 use crate::kernel::simd::Isa;
 use crate::kernel::tile::{Tile, panels, tile_fn, tile_rows};
 
-/// Pixels that share one pass over the weights, a multiple of every tile's rows.
+/// At most as many pixels share one pass over the weights; a multiple of every tile's rows.
 const PIXELS: usize = 192;
 /// Tasks for each thread, if there is enough to do: a compromise between evenness and the cost of tasks.
 const TASKS: usize = 4;
@@ -105,14 +105,17 @@ pub(super) fn multiply(windows: &Windows, outside: &[f32], weights: &Packed, mut
     target.maps.data = &mut [];
     let task = Task { windows, outside, weights, target: &target, out, pieces: pieces(runs, len) };
     let panels = panels(weights.isa, weights.columns);
+    // blocks as even as whole tiles allow
     let blocks = windows.pixels().div_ceil(PIXELS);
+    let pixels = windows.pixels().div_ceil(blocks.max(1)).next_multiple_of(tile_rows(weights.isa));
     let threads = rayon::current_num_threads();
     let wanted = if threads == 1 { 1 } else { (TASKS * threads).div_ceil(blocks.max(1)) };
     let share = panels.len().div_ceil(wanted);
     let groups: Vec<_> = panels.chunks(share.max(1)).collect();
     (0..blocks * groups.len())
         .into_par_iter()
-        .for_each(|i| task.run(i / groups.len() * PIXELS, groups[i % groups.len()]));
+        .with_max_len(1)
+        .for_each(|i| task.run(i / groups.len() * pixels, pixels, groups[i % groups.len()]));
 }
 
 struct Task<'a> {
@@ -125,13 +128,13 @@ struct Task<'a> {
 }
 
 impl Task<'_> {
-    /// Some panels of the pixels of one block.
-    fn run(&self, first: usize, panels: &[(usize, usize, usize)]) {
+    /// Some panels of up to `most` pixels from `first` on.
+    fn run(&self, first: usize, most: usize, panels: &[(usize, usize, usize)]) {
         thread_local! {
             static TABLE: RefCell<Vec<*const f32>> = const { RefCell::new(Vec::new()) };
             static BLOCK: RefCell<Buffer> = RefCell::default();
         }
-        let pixels = PIXELS.min(self.windows.pixels() - first);
+        let pixels = most.min(self.windows.pixels() - first);
         TABLE.with_borrow_mut(|table| {
             self.point(first, pixels, table);
             for panel in panels {

@@ -9,6 +9,8 @@ use crate::kernel::simd::{Isa, Simd, fence, isa};
 
 /// Pixels whose sums are made in one go; a sum over all pixels adds up those of these chunks, in order and in f64.
 const CHUNK: usize = 128;
+/// Chunks that a thread takes at a time: few, so that no thread waits long for another one at the end.
+const LEAF: usize = 4;
 
 /// Mean and variance (divided by the number of pixels) of each channel of `z`.
 ///
@@ -27,9 +29,8 @@ pub(super) fn statistics_with(isa: Isa, z: View, mean: &mut [f32], variance: &mu
     assert!(pixels > 0 && mean.len() == channels && variance.len() == channels, "statistics of another shape");
     let shift = z.pixel(0);
     let len = 2 * channels;
-    scratch.sums.clear();
     scratch.sums.resize(pixels.div_ceil(CHUNK) * len, 0.0);
-    scratch.sums.par_chunks_mut(len).enumerate().for_each(|(i, sums)| {
+    scratch.sums.par_chunks_mut(len).enumerate().with_max_len(LEAF).for_each(|(i, sums)| {
         let first = i * CHUNK;
         dispatch(isa, Moments { z, first, pixels: CHUNK.min(pixels - first), shift, sums });
     });
@@ -58,6 +59,7 @@ struct Moments<'a> {
 impl Work for Moments<'_> {
     #[inline(always)]
     unsafe fn run<S: Simd>(mut self) {
+        self.sums.fill(0.0);
         let mut first = self.first;
         let end = self.first + self.pixels;
         while first + TOGETHER <= end {
@@ -119,7 +121,7 @@ impl Normalization<'_> {
         assert!(one_shape && self.scale.len() == shape.channels && self.shift.len() == shape.channels, "other shapes");
         let (stride, streamed) = (y.stride, y.streamed());
         let chunks = shape.pixels().div_ceil(CHUNK);
-        y.data.par_chunks_mut(CHUNK * stride.max(1)).take(chunks).enumerate().for_each(|(i, y)| {
+        y.data.par_chunks_mut(CHUNK * stride.max(1)).take(chunks).enumerate().with_max_len(LEAF).for_each(|(i, y)| {
             let pixels = CHUNK.min(shape.pixels() - i * CHUNK);
             dispatch(isa, Apply { norm: *self, z, add, first: i * CHUNK, pixels, y, stride, streamed });
         });
@@ -232,7 +234,7 @@ impl NormGradient<'_> {
     fn sums<'s>(&self, isa: Isa, passing: Passing, z: View, scratch: &'s mut Scratch) -> &'s [f64] {
         let (len, pixels) = (2 * z.shape.channels, z.shape.pixels());
         scratch.floats.resize(pixels.div_ceil(CHUNK) * len);
-        scratch.floats.par_chunks_mut(len.max(1)).enumerate().for_each(|(i, sums)| {
+        scratch.floats.par_chunks_mut(len.max(1)).enumerate().with_max_len(LEAF).for_each(|(i, sums)| {
             let first = i * CHUNK;
             let pixels = CHUNK.min(pixels - first);
             dispatch(isa, GradientSums { passing, z, mean: self.mean, first, pixels, sums });
@@ -273,15 +275,17 @@ impl NormGradient<'_> {
             Some((map, _)) => map.data.chunks_mut(CHUNK * added_stride.max(1)).take(chunks).map(Some).collect(),
             None => std::iter::repeat_with(|| None).take(chunks).collect(),
         };
-        dz.data.par_chunks_mut(CHUNK * stride.max(1)).zip(&mut added).enumerate().for_each(|(i, (dz, added))| {
-            let first = i * CHUNK;
-            let added = added.as_deref_mut().map(|map| (map, added_stride, accumulate));
-            let pixels = CHUNK.min(pixels - first);
-            dispatch(
-                isa,
-                WriteGradient { passing, z, mean: self.mean, factors, first, pixels, dz, stride, streamed, added },
-            );
-        });
+        dz.data.par_chunks_mut(CHUNK * stride.max(1)).zip(&mut added).enumerate().with_max_len(LEAF).for_each(
+            |(i, (dz, added))| {
+                let first = i * CHUNK;
+                let added = added.as_deref_mut().map(|map| (map, added_stride, accumulate));
+                let pixels = CHUNK.min(pixels - first);
+                dispatch(
+                    isa,
+                    WriteGradient { passing, z, mean: self.mean, factors, first, pixels, dz, stride, streamed, added },
+                );
+            },
+        );
     }
 }
 

@@ -25,14 +25,12 @@ pub(super) struct WeightGradient<'a> {
     x: View<'a>,
     dy: View<'a>,
     tiling: Tiling,
-    /// First column, columns and vectors of each panel.
-    panels: Vec<(usize, usize, usize)>,
 }
 
-/// A task's part: some units, one after the other for a tile its taps, and some panels.
-struct Part {
+/// A task's part: some units, one after the other for a tile its taps, and some panels (first column, columns, vectors).
+struct Part<'a> {
     units: Range<usize>,
-    panels: Range<usize>,
+    panels: &'a [(usize, usize, usize)],
 }
 
 #[derive(Default)]
@@ -43,8 +41,7 @@ struct Copies {
 
 impl<'a> WeightGradient<'a> {
     pub fn new(isa: Isa, window: Window, x: View<'a>, dy: View<'a>) -> Self {
-        let tiling = Tiling::new(isa, window, x, dy.shape);
-        Self { isa, x, dy, tiling, panels: panels(isa, dy.shape.channels) }
+        Self { isa, x, dy, tiling: Tiling::new(isa, window, x, dy.shape) }
     }
 
     /// Sums into the weights' gradients `dw`, beginning at 0 or at what stands there.
@@ -56,30 +53,49 @@ impl<'a> WeightGradient<'a> {
             dw.fill(0.0);
         }
         let dw = Shared::new(dw);
-        let (units, panels) = (self.tiling.tiles() * self.tiling.taps(), self.panels.len());
-        let (unit_groups, panel_groups) = self.groups();
-        let (unit_share, panel_share) = (units.div_ceil(unit_groups), panels.div_ceil(panel_groups));
-        (0..unit_groups * panel_groups).into_par_iter().for_each(|i| {
-            let share = |i: usize, share: usize, end: usize| (i * share).min(end)..((i + 1) * share).min(end);
-            let part = Part {
-                units: share(i / panel_groups, unit_share, units),
-                panels: share(i % panel_groups, panel_share, panels),
-            };
+        let (unit_groups, column_groups) = self.groups();
+        let panels: Vec<_> = (0..column_groups).map(|i| self.panels(i, column_groups)).collect();
+        (0..unit_groups * column_groups).into_par_iter().with_max_len(1).for_each(|i| {
+            let units = share(i / column_groups, unit_groups, self.units());
+            let part = Part { units, panels: &panels[i % column_groups] };
             COPIES.with_borrow_mut(|copies| self.task(&part, copies, dw, accumulate));
         });
     }
 
-    /// Into how many groups units and panels are cut, so that each thread has one of each. A group of units needs copies of all
-    /// gradients, and a group of panels of all inputs: as little as possible is copied more than once.
+    fn units(&self) -> usize {
+        self.tiling.tiles() * self.tiling.taps()
+    }
+
+    fn vectors(&self) -> usize {
+        self.dy.shape.channels.div_ceil(self.isa.lanes())
+    }
+
+    /// The panels of one of `groups` groups of columns.
+    fn panels(&self, group: usize, groups: usize) -> Vec<(usize, usize, usize)> {
+        let lanes = self.isa.lanes();
+        let vectors = share(group, groups, self.vectors());
+        let columns = vectors.start * lanes..self.dy.shape.channels.min(vectors.end * lanes);
+        let panels = panels(self.isa, columns.len());
+        panels.into_iter().map(|(first, width, vectors)| (columns.start + first, width, vectors)).collect()
+    }
+
+    /// Into how many groups units and columns are cut, so that each thread has one of each. A group of units needs copies of
+    /// all gradients, and a group of columns of all inputs: the largest part takes as little time as possible.
     fn groups(&self) -> (usize, usize) {
-        let wanted = rayon::current_num_threads();
-        let units = self.tiling.tiles() * self.tiling.taps();
-        let copied = |(unit_groups, panel_groups): &(usize, usize)| {
-            unit_groups * self.dy.shape.len() + panel_groups * self.x.shape.len()
+        /// Multiply-adds in the time in which a float is copied.
+        const COPY: usize = 40;
+        let threads = rayon::current_num_threads();
+        let Tiling { rows, .. } = self.tiling;
+        let time = |&(unit_groups, column_groups): &(usize, usize)| {
+            let units = self.units().div_ceil(unit_groups);
+            let columns = self.vectors().div_ceil(column_groups) * self.isa.lanes();
+            let tiles = units.div_ceil(self.tiling.taps());
+            let inputs = self.x.shape.len() / self.tiling.tiles() * tiles;
+            self.dy.shape.pixels() * columns * (units * rows + COPY) + COPY * inputs
         };
-        (1..=wanted.min(self.panels.len()))
-            .map(|panel_groups| (wanted.div_ceil(panel_groups).min(units), panel_groups))
-            .min_by_key(copied)
+        (1..=threads.min(self.vectors()))
+            .map(|column_groups| (threads.div_ceil(column_groups).min(self.units()), column_groups))
+            .min_by_key(time)
             .unwrap_or((1, 1))
     }
 
@@ -92,12 +108,12 @@ impl<'a> WeightGradient<'a> {
         let together = COPIED / (PIXELS * tile_rows);
         for first in (0..rows).step_by(block_rows) {
             let block = first..rows.min(first + block_rows);
-            copies.gradients.copy(self.isa, self.dy, block.clone(), &self.panels[part.panels.clone()]);
+            copies.gradients.copy(self.isa, self.dy, block.clone(), part.panels);
             for first_tile in tiles.clone().step_by(together) {
                 let tiles = first_tile..tiles.end.min(first_tile + together);
                 copies.inputs.copy(&self.tiling, self.x, block.clone(), tiles.clone());
                 let units = part.units.start.max(tiles.start * taps)..part.units.end.min(tiles.end * taps);
-                let some = Part { units, panels: part.panels.clone() };
+                let some = Part { units, panels: part.panels };
                 self.multiply(block.len(), first_tile, &some, copies, dw, accumulate || first > 0);
             }
         }
@@ -107,7 +123,7 @@ impl<'a> WeightGradient<'a> {
     fn multiply(&self, block: usize, first_tile: usize, part: &Part, copies: &Copies, dw: Shared, resume: bool) {
         let Tiling { rows, inputs, columns, step, .. } = self.tiling;
         let (taps, outputs) = (self.tiling.taps(), self.dy.shape.channels);
-        for (i, &(first, width, vectors)) in self.panels[part.panels.clone()].iter().enumerate() {
+        for (i, &(first, width, vectors)) in part.panels.iter().enumerate() {
             let kernel = tile_fn(self.isa, vectors);
             for unit in part.units.clone() {
                 let (tile, tap) = (unit / taps, unit % taps);
@@ -134,4 +150,9 @@ impl<'a> WeightGradient<'a> {
             }
         }
     }
+}
+
+/// Part `i` of `of` nearly equal parts of 0 to `end`.
+fn share(i: usize, of: usize, end: usize) -> Range<usize> {
+    i * end / of..(i + 1) * end / of
 }

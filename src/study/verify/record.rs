@@ -68,9 +68,8 @@ impl Record {
             _ => self.trials.iter().map(|trial| Which::Trial(trial.number)).collect(),
         };
         if self.spec().kind != Kind::Pretraining {
-            let arms = [Arm::Baseline, Arm::Tuned];
-            all.extend((0..self.spec().evaluation.refit_seeds).flat_map(|i| arms.map(|arm| Which::Refit(arm, i))));
-            all.extend(arms::ensemble_members());
+            let refits = arms::jobs(self.spec(), trials::ENSEMBLE);
+            all.extend(refits.into_iter().map(|(arm, index)| Which::Refit(arm, index)));
         }
         all.retain(|which| which.chain(&self.run).is_file());
         all

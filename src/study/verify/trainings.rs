@@ -125,6 +125,9 @@ impl Progress for Until<'_> {
     fn advance(&self, by: u64) {
         self.epochs.advance(by);
     }
+    fn found(&self, by: u64) {
+        self.epochs.found(by);
+    }
     fn note(&self, _: &str) {}
     fn end(&self) {
         self.epochs.end();

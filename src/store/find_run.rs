@@ -2,21 +2,20 @@
 
 use std::path::{Path, PathBuf};
 
-use super::Error;
-use crate::store;
+use super::{Error, run_names};
 
 /// The folder of the run `name`: a path, or the beginning of the name of one run under `results`, with or without its
 /// experiment (`optuna_inception/s20250101`).
 ///
 /// # Errors
 /// No such run, or several, which are listed.
-pub fn find(name: &str, results: &Path) -> Result<PathBuf, Error> {
+pub fn find_run(name: &str, results: &Path) -> Result<PathBuf, Error> {
     let path = PathBuf::from(name);
     if ["resolved.yaml", "runs.json"].iter().any(|file| path.join(file).is_file()) {
         return Ok(path);
     }
     let runs: Vec<(String, PathBuf)> =
-        store::run_names(results)?.into_iter().map(|run| (run.to_string(), run.folder(results))).collect();
+        run_names(results)?.into_iter().map(|run| (run.to_string(), run.folder(results))).collect();
     let wanted = name.trim_end_matches('/');
     let rest = |full: &str| -> Option<String> {
         let id = full.rsplit('/').next().unwrap_or(full);
@@ -41,18 +40,32 @@ pub fn find(name: &str, results: &Path) -> Result<PathBuf, Error> {
 }
 
 /// A run's name below `results`.
-pub(super) fn shown(run: &Path, results: &Path) -> String {
+pub fn run_shown(run: &Path, results: &Path) -> String {
     run.strip_prefix(results).unwrap_or(run).to_string_lossy().replace('\\', "/")
+}
+
+/// Lines of a hint that lists `names`; at most ten.
+pub(crate) fn listed(names: &[String], hint: &str) -> String {
+    if names.is_empty() {
+        return String::new();
+    }
+    let mut text = format!("\nhint: {hint}:");
+    names.iter().take(10).for_each(|name| text += &format!("\n  {name}"));
+    if names.len() > 10 {
+        text += &format!("\n  and {} more", names.len() - 10);
+    }
+    text
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::store::create_dir;
 
     fn results() -> tempfile::TempDir {
         let results = tempfile::tempdir().unwrap();
         for run in ["a/s1-00000000-1", "a/s12-00000000-1", "a/s12-00000000-2", "b/s1-11111111-1", "b/s3-22222222-1"] {
-            store::create_dir(&results.path().join(run)).unwrap();
+            create_dir(&results.path().join(run)).unwrap();
         }
         results
     }
@@ -60,19 +73,19 @@ mod tests {
     #[test]
     fn a_beginning_that_is_one_runs_is_enough() {
         let results = results();
-        let found = |name: &str| shown(&find(name, results.path()).unwrap(), results.path());
+        let found = |name: &str| run_shown(&find_run(name, results.path()).unwrap(), results.path());
         assert_eq!(found("s3"), "b/s3-22222222-1");
         assert_eq!(found("a/s1"), "a/s1-00000000-1", "the seed 1, not the beginning of 12");
         assert_eq!(found("b/s1-1"), "b/s1-11111111-1");
         assert_eq!(found("a/s12-00000000-2"), "a/s12-00000000-2");
         let path = results.path().join("a/s1-00000000-1");
-        assert_eq!(find(path.to_str().unwrap(), results.path()).unwrap(), path);
+        assert_eq!(find_run(path.to_str().unwrap(), results.path()).unwrap(), path);
     }
 
     #[test]
     fn what_is_no_run_or_several_is_refused_with_candidates() {
         let results = results();
-        let said = |name: &str| find(name, results.path()).unwrap_err().to_string();
+        let said = |name: &str| find_run(name, results.path()).unwrap_err().to_string();
         let several = said("a/s12");
         assert!(several.contains("several") && several.ends_with("a/s12-00000000-1\n  a/s12-00000000-2"), "{several}");
         assert!(said("s1").contains("b/s1-11111111-1") && said("s1").contains("a/s1-00000000-1"));
