@@ -1,9 +1,7 @@
 //! Datasets on disk: `views.bin` with the pixels, `views.json` with the labels.
 
-use std::fs::File;
 use std::io::Write;
 
-use memmap2::Mmap;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -12,7 +10,7 @@ use super::{Error, View, sample};
 use crate::config::spec::DatasetSpec;
 use crate::panorama::Equirect;
 use crate::pipeline::progress::{Progress, Silent};
-use crate::store::{self, Artefact, ArtefactWriter, AtomicFile};
+use crate::store::{self, Artefact, ArtefactWriter, AtomicFile, Mapped};
 
 const FORMAT: u32 = 1;
 const PIXELS: &str = "views.bin";
@@ -101,7 +99,7 @@ fn render_all(views: &[View], spec: &DatasetSpec, levels: &Levels, progress: &dy
 pub struct Dataset {
     views: Vec<View>,
     image_px: u32,
-    pixels: Mmap,
+    pixels: Mapped,
 }
 
 impl Dataset {
@@ -118,10 +116,7 @@ impl Dataset {
                 labels.format
             )));
         }
-        let path = artefact.path(PIXELS);
-        let file = File::open(&path).map_err(|e| store::Error::io("open", &path, e))?;
-        // SAFETY: an artefact's files are never changed once they are published; only whole folders are removed.
-        let pixels = unsafe { Mmap::map(&file) }.map_err(|e| store::Error::io("map", &path, e))?;
+        let pixels = Mapped::open(&artefact.path(PIXELS))?;
         let expected = labels.views.len() * bytes_per_view(labels.image_px);
         if pixels.len() != expected {
             let found = pixels.len();
@@ -133,6 +128,11 @@ impl Dataset {
     /// All views; the number of a view is its place here.
     pub fn views(&self) -> &[View] {
         &self.views
+    }
+
+    /// Gives back the memory of the pixels that were looked at.
+    pub fn release(&self) {
+        self.pixels.release();
     }
 
     /// Side of a view in pixels.

@@ -1,15 +1,12 @@
 //! Reading features back.
 
-use memmap2::Mmap;
-
 use super::{DESCRIPTION, Description, Error, FORMAT, FeatureRow, MATRIX};
-use crate::store::{self, Artefact};
+use crate::store::{self, Artefact, Mapped};
 
 /// A matrix of features, mapped from its file: one row for each copy of each view.
 #[derive(Debug)]
 pub struct FeatureSet {
-    /// `None` if there is no number.
-    matrix: Option<Mmap>,
+    matrix: Mapped,
     dim: usize,
     rows: Vec<FeatureRow>,
 }
@@ -29,20 +26,17 @@ impl FeatureSet {
             return Err(damaged(path, reason));
         }
         let path = artefact.path(MATRIX);
-        let io = |source| store::Error::Io { action: "open", path: path.clone(), source };
-        let file = std::fs::File::open(&path).map_err(io)?;
-        let bytes = file.metadata().map_err(io)?.len();
-        let expected = (description.rows.len() * description.dim * size_of::<f32>()) as u64;
+        let matrix = Mapped::open(&path)?;
+        let (bytes, expected) = (matrix.len(), description.rows.len() * description.dim * size_of::<f32>());
         if bytes != expected {
             return Err(damaged(path, format!("it has {bytes} bytes and not {expected}")));
         }
-        let matrix = if bytes == 0 {
-            None
-        } else {
-            // SAFETY: an artefact is written once, under this name only when complete, and never changed
-            Some(unsafe { Mmap::map(&file) }.map_err(io)?)
-        };
         Ok(Self { matrix, dim: description.dim, rows: description.rows })
+    }
+
+    /// Gives back the memory of the rows that were looked at.
+    pub fn release(&self) {
+        self.matrix.release();
     }
 
     /// Numbers of a row.
@@ -66,9 +60,8 @@ impl FeatureSet {
     /// All rows, one after the other.
     pub fn all(&self) -> &[f32] {
         const { assert!(cfg!(target_endian = "little"), "the file's numbers are read in place") };
-        let bytes = self.matrix.as_deref().unwrap_or_default();
         // SAFETY: every four bytes are a float; the map begins on a page, so nothing is cut off at the front
-        unsafe { bytes.align_to::<f32>().1 }
+        unsafe { self.matrix.align_to::<f32>().1 }
     }
 }
 

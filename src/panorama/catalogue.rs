@@ -1,10 +1,8 @@
 //! The catalogue artefact: `panoramas.json` and the pixels of all panoramas in `panoramas.bin`.
 
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::io::Write;
 
-use memmap2::Mmap;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -13,7 +11,7 @@ use super::duplicates::{Signature, join};
 use super::{BadImage, Equirect, Error, ImageFile, Panorama, procedural};
 use crate::config::spec::{BadFile, PanoramaSpec, SplitBy};
 use crate::pipeline::progress::Progress;
-use crate::store::{self, Artefact, ArtefactWriter, AtomicFile, hash_bytes, write_json};
+use crate::store::{self, Artefact, ArtefactWriter, AtomicFile, Mapped, hash_bytes, write_json};
 
 const LIST: &str = "panoramas.json";
 const PIXELS: &str = "panoramas.bin";
@@ -40,7 +38,7 @@ struct List {
 pub struct Catalogue {
     list: List,
     offsets: BTreeMap<String, usize>,
-    pixels: Mmap,
+    pixels: Mapped,
 }
 
 impl Catalogue {
@@ -59,9 +57,7 @@ impl Catalogue {
             end += size(panorama);
         }
         let path = artefact.path(PIXELS);
-        let file = File::open(&path).map_err(|e| damaged(path.clone(), e.to_string()))?;
-        // SAFETY: artefacts are written once and never changed in place.
-        let pixels = unsafe { Mmap::map(&file) }.map_err(|e| damaged(path.clone(), e.to_string()))?;
+        let pixels = Mapped::open(&path)?;
         if pixels.len() != end {
             return Err(damaged(path, format!("it has {} bytes, its list says {end}", pixels.len())));
         }
@@ -76,6 +72,11 @@ impl Catalogue {
     /// Files that were left out.
     pub fn skipped(&self) -> &[Skipped] {
         &self.list.skipped
+    }
+
+    /// Gives back the memory of the pixels that were looked at.
+    pub fn release(&self) {
+        self.pixels.release();
     }
 
     /// Pixels of the panorama `id`; `None` if there is none of that id.

@@ -204,6 +204,7 @@ impl<'a> Stages<'a> {
             };
             Ok(dataset::write(writer, &views, &self.spec.dataset, &pixels, self.progress)?)
         })?;
+        catalogue.value.release();
         let value = Dataset::open(&artefact)?;
         dataset::check_no_leak(panoramas, &subsets, value.views())?;
         Ok(Made { artefact, value })
@@ -222,6 +223,7 @@ impl<'a> Stages<'a> {
             let image = |row: FeatureRow| self.network_input(&dataset.value, row);
             Ok(features::write(writer, &backbone, &rows, &image, self.progress)?)
         })?;
+        dataset.value.release();
         let value = FeatureSet::open(&artefact)?;
         Ok((Made { artefact, value }, backbone))
     }
@@ -246,6 +248,7 @@ impl<'a> Stages<'a> {
             let image = |row: FeatureRow| self.network_input(&dataset.value, row);
             Ok(features::write_maps(writer, backbone.intake(), &rows, &image, self.progress)?)
         })?;
+        dataset.value.release();
         let value = FeatureSet::open(&artefact)?;
         Ok(Made { artefact, value })
     }
@@ -322,6 +325,7 @@ impl<'a> Stages<'a> {
             self.progress.end();
             Ok(write_json(&writer.path(SPECTRA_FILE), &spectra?)?)
         })?;
+        dataset.value.release();
         let path = artefact.path(SPECTRA_FILE);
         let bytes = store::read(&path)?;
         let value = serde_json::from_slice(&bytes).map_err(|e| Error::Damaged { path, reason: e.to_string() })?;
