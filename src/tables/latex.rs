@@ -162,31 +162,26 @@ fn column_width(table: &Table, k: usize) -> usize {
 
 fn float(table: &Table, part: &Part, rows: Range<usize>, continued: bool, notes: &[String]) -> String {
     let Font { name: font, character, gap, .. } = part.font;
-    let align: Vec<String> = part
-        .columns
-        .iter()
-        .zip(&part.widths)
-        .map(|(k, width)| {
-            if table.columns[*k].kind != Kind::Text {
-                "r".to_owned()
-            } else if *width < column_width(table, *k) {
-                format!("p{{{:.1}pt}}", *width as f64 * character)
-            } else {
-                "l".to_owned()
-            }
-        })
-        .collect();
+    let columns = || part.columns.iter().zip(&part.widths);
+    let is_text = |k: usize| table.columns[k].kind == Kind::Text;
+    let broken: Vec<bool> = columns().map(|(k, width)| is_text(*k) && *width < column_width(table, *k)).collect();
+    let align = columns().zip(&broken).map(|((k, width), broken)| match (is_text(*k), broken) {
+        (false, _) => "r".to_owned(),
+        (true, true) => format!("p{{{:.1}pt}}", *width as f64 * character),
+        (true, false) => "l".to_owned(),
+    });
+    let align: String = align.collect();
     let mut text = format!("\\begin{{table}}[tbp]\n\\centering{font}\\setlength{{\\tabcolsep}}{{{gap}pt}}\n");
     text.push_str(&format!("\\caption{{{}{}.}}\n", escape(&table.title), if continued { " (continued)" } else { "" }));
     if !continued {
         text.push_str(&format!("\\label{{tab:{}}}\n", label(&table.id)));
     }
-    text.push_str(&format!("\\begin{{tabular}}{{{}}}\n\\toprule\n", align.concat()));
+    text.push_str(&format!("\\begin{{tabular}}{{{}}}\n\\toprule\n", align));
     text.push_str(&line(part.columns.iter().zip(&part.widths).map(|(k, width)| heading(table, *k, *width))));
     text.push_str("\\midrule\n");
     for row in &table.rows[rows] {
         let cells: Vec<&Cell> = part.columns.iter().map(|k| &row[*k]).collect();
-        text.push_str(&row_lines(&cells));
+        text.push_str(&row_lines(&cells, &broken));
     }
     text.push_str("\\bottomrule\n\\end{tabular}\n");
     for note in notes {
@@ -218,11 +213,12 @@ fn heading(table: &Table, k: usize, width: usize) -> String {
     format!("\\shortstack[r]{{{}}}", lines.iter().map(|line| escape(line)).collect::<Vec<_>>().join("\\\\"))
 }
 
-/// A row: values, and below them their intervals, if there are any.
-fn row_lines(cells: &[&Cell]) -> String {
+/// A row: values, and below them their intervals, if there are any. Texts that are `broken` into lines are not justified.
+fn row_lines(cells: &[&Cell], broken: &[bool]) -> String {
     let parts: Vec<(String, Option<String>)> = cells.iter().map(|cell| cell.parts()).collect();
     let number = |k: usize, text: &str| match cells[k] {
         Cell::Number { .. } | Cell::Estimate { .. } => escape(text).replace('-', "$-$"),
+        _ if broken[k] => format!("\\raggedright {}", escape(text)),
         _ => escape(text),
     };
     let mut lines = line(parts.iter().enumerate().map(|(k, (value, _))| number(k, value)));
@@ -236,11 +232,12 @@ fn row_lines(cells: &[&Cell]) -> String {
     lines
 }
 
-/// A row that begins with a bracket would be taken for an argument of the `\\` before it.
+/// A row that begins with a bracket would be taken for an argument of what ends the row before it. That is not `\\`, which ends
+/// a line only where text is not justified.
 fn line(cells: impl Iterator<Item = String>) -> String {
     let line = cells.collect::<Vec<_>>().join(" & ");
     let guard = if line.starts_with(['[', '*']) { "{}" } else { "" };
-    format!("{guard}{line} \\\\\n")
+    format!("{guard}{line} \\tabularnewline\n")
 }
 
 fn label(id: &str) -> String {
@@ -324,11 +321,11 @@ mod tests {
         let body: Vec<&str> = text.lines().collect();
         assert_eq!(body[2], "\\caption{A \\textbar{} B.}");
         assert_eq!(body[4], "\\begin{tabular}{lrr}");
-        assert_eq!(body[6], "Name & Value \\& more & Number \\\\");
-        assert_eq!(body[8], "50 \\% of a\\_b & 1.50 $\\pm$ 0.10 & 7\\textsuperscript{\\dag} \\\\");
-        assert_eq!(body[9], " & [$-$1.00, 2.00] &  \\\\");
-        assert_eq!(body[10], "$\\xi$ \\textbar{} \\{x\\} & not run & -- \\\\");
-        assert_eq!(line(["[a]".to_owned()].into_iter()), "{}[a] \\\\\n");
+        assert_eq!(body[6], "Name & Value \\& more & Number \\tabularnewline");
+        assert_eq!(body[8], "50 \\% of a\\_b & 1.50 $\\pm$ 0.10 & 7\\textsuperscript{\\dag} \\tabularnewline");
+        assert_eq!(body[9], " & [$-$1.00, 2.00] &  \\tabularnewline");
+        assert_eq!(body[10], "$\\xi$ \\textbar{} \\{x\\} & not run & -- \\tabularnewline");
+        assert_eq!(line(["[a]".to_owned()].into_iter()), "{}[a] \\tabularnewline\n");
     }
 
     #[test]
@@ -341,7 +338,12 @@ mod tests {
             ..small_table()
         };
         let broken = latex(&table(3));
-        assert!(broken.contains("{p{") && broken.matches("\\begin{table}").count() == 1, "{broken}");
+        assert!(
+            broken.contains("{p{")
+                && broken.contains("\\raggedright a rather long")
+                && broken.matches("\\begin{table}").count() == 1,
+            "{broken}"
+        );
         let continued = latex(&table(12));
         assert_eq!(continued.matches("\\begin{table}").count(), 2);
         assert_eq!(continued.matches("(continued)").count(), 1);
