@@ -16,23 +16,20 @@ pub(super) fn difference(a: &Run, b: &Run) -> Option<FirstDifference> {
     let made = |stage: &str| Some([a.stages.get(stage)?, b.stages.get(stage)?]);
     let differing = STAGES.iter().filter_map(|stage| Some((*stage, made(stage)?))).find(|(_, [a, b])| a.hash != b.hash);
     let Some((stage, made)) = differing else { return of_copies(a, b) };
-    let of_stage = FirstDifference { stage: stage.to_owned(), ..Default::default() };
-    let inside = match stage {
-        "panoramas" => other_view(a, b).map(|(view, _)| at_view(&of_stage, view.panorama.clone(), view.view)),
-        "dataset" => view(a, b, made, &of_stage)
-            .or_else(|| other_view(a, b).map(|(view, _)| at_view(&of_stage, view.panorama.clone(), view.view))),
-        _ => number(a, b, made, &of_stage),
-    };
-    let whole = |found: FirstDifference| FirstDifference {
+    let of_stage = FirstDifference {
+        stage: stage.to_owned(),
         what: "artefact".to_owned(),
         first: Some(made[0].hash.clone()),
         second: Some(made[1].hash.clone()),
-        ..found
+        ..Default::default()
     };
-    Some(
-        inside
-            .map_or_else(|| whole(of_stage.clone()), |found| if found.what.is_empty() { whole(found) } else { found }),
-    )
+    let of_labels = || other_view(a, b).map(|(view, _)| at_view(&of_stage, view.panorama.clone(), view.view));
+    let inside = match stage {
+        "panoramas" => of_labels(),
+        "dataset" => view(a, b, made, &of_stage).or_else(of_labels),
+        _ => number(a, b, made, &of_stage),
+    };
+    Some(inside.unwrap_or(of_stage))
 }
 
 /// The difference of runs of which at least one is a copy without a log.

@@ -18,7 +18,7 @@ BATCH = 16
 TRAINING_BATCH = 8
 HEAD_ROWS, HEAD_FEATURES, HEAD_LAYERS, HEAD_UNITS, HEAD_DROPOUT, HEAD_BATCH = 10_000, 2048, 6, 128, 0.2, 64
 HEAD_EPOCHS = 2
-PANORAMA_WIDTH, VIEW_PX, VIEWS = 2048, 299, 8
+PANORAMA_WIDTH, VIEW_PX, VIEWS = 2048, 299, 96
 SIDES = {"inception_v3": 299, "resnet50": 224, "mobilenet_v1": 224}
 
 
@@ -138,7 +138,8 @@ def opencv_views():
     def work(threads):
         cv2.setNumThreads(threads)
         for i, (yaw, pitch) in enumerate(angles):
-            view(np.float32(60 + 30 * i), np.float32(0.1 * i), np.pi * yaw, 0.5 * pitch)
+            camera = i % 8
+            view(np.float32(60 + 30 * camera), np.float32(0.1 * camera), np.pi * yaw, 0.5 * pitch)
 
     return work
 

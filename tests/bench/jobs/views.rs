@@ -11,7 +11,8 @@ use crate::harness::{Job, Prepared};
 
 const PANORAMA_WIDTH: usize = 2048;
 const VIEW_PX: u32 = 299;
-const VIEWS: u32 = 8;
+/// As many as make a round long against what it takes to wake a thread.
+const VIEWS: u32 = 96;
 /// That of `configs/dataset/wide_angle.yaml`.
 const RESOLUTION: u32 = 97;
 
@@ -48,7 +49,8 @@ fn views(name: &str, limited: bool) -> Job {
 }
 
 fn view(index: u32) -> View {
-    let i = f64::from(index);
+    // the same eight cameras again and again
+    let i = f64::from(index % 8);
     View {
         index,
         panorama: String::new(),
