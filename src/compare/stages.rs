@@ -2,7 +2,7 @@
 
 use super::identity::FirstDifference;
 use super::run::{Made, Run};
-use crate::dataset::Dataset;
+use crate::dataset::{Dataset, View};
 use crate::evaluate::{Arm, Prediction};
 use crate::features::FeatureSet;
 use crate::store::Artefact;
@@ -78,22 +78,40 @@ fn view(a: &Run, b: &Run, made: [&Made; 2], of_stage: &FirstDifference) -> Optio
     let views = a.views().iter().zip(b.views()).enumerate();
     let mut found = views.filter_map(|(i, (x, y))| {
         let at = at_view(of_stage, x.panorama.clone(), x.index);
-        let labels = [x, y].map(|view| serde_json::to_value(view).ok()?.as_object().cloned());
-        if let [Some(x), Some(y)] = labels
-            && let Some((name, value)) = x.iter().find(|(name, value)| y.get(*name) != Some(*value))
-        {
-            let other = y.get(name).map(ToString::to_string);
-            let (what, key) = ("label".to_owned(), Some(name.clone()));
-            return Some(FirstDifference { what, key, first: Some(value.to_string()), second: other, ..at });
-        }
-        let (x, y) = (a.pixels(i).as_chunks::<3>().0, b.pixels(i).as_chunks::<3>().0);
-        let pixel = x.iter().zip(y).position(|(x, y)| x != y)?;
-        let colour = |[r, g, b]: [u8; 3]| Some(format!("{r} {g} {b}"));
-        let side = a.image_px() as usize;
-        let key = Some(format!("{},{}", pixel % side, pixel / side));
-        Some(FirstDifference { what: "pixel".to_owned(), key, first: colour(x[pixel]), second: colour(y[pixel]), ..at })
+        label(x, y, &at).or_else(|| pixel(a.pixels(i), b.pixels(i), a.image_px() as usize, &at))
     });
     found.next()
+}
+
+/// The first field of a view's label that differs.
+fn label(x: &View, y: &View, at: &FirstDifference) -> Option<FirstDifference> {
+    if x == y {
+        return None;
+    }
+    let fields = |view: &View| serde_json::to_value(view).ok()?.as_object().cloned();
+    let (x, y) = (fields(x)?, fields(y)?);
+    let (name, value) = x.iter().find(|(name, value)| y.get(*name) != Some(*value))?;
+    Some(FirstDifference {
+        what: "label".to_owned(),
+        key: Some(name.clone()),
+        first: Some(value.to_string()),
+        second: y.get(name).map(ToString::to_string),
+        ..at.clone()
+    })
+}
+
+/// The first pixel that differs in views of side `side`.
+fn pixel(x: &[u8], y: &[u8], side: usize, at: &FirstDifference) -> Option<FirstDifference> {
+    let (x, y) = (x.as_chunks::<3>().0, y.as_chunks::<3>().0);
+    let place = x.iter().zip(y).position(|(x, y)| x != y)?;
+    let colour = |[r, g, b]: [u8; 3]| Some(format!("{r} {g} {b}"));
+    Some(FirstDifference {
+        what: "pixel".to_owned(),
+        key: Some(format!("{},{}", place % side, place / side)),
+        first: colour(x[place]),
+        second: colour(y[place]),
+        ..at.clone()
+    })
 }
 
 /// The first number that differs in a matrix with a row for each copy of each view.

@@ -295,6 +295,7 @@ impl<'a> Stages<'a> {
             let values = projection.apply(set.all());
             Ok(features::write_matrix(writer, "components", projection.components(), set.rows(), &values)?)
         })?;
+        set.release();
         let value = FeatureSet::open(&artefact)?;
         Ok(Made { artefact, value })
     }

@@ -216,17 +216,17 @@ fn heading(table: &Table, k: usize, width: usize) -> String {
 /// A row: values, and below them their intervals, if there are any. Texts that are `broken` into lines are not justified.
 fn row_lines(cells: &[&Cell], broken: &[bool]) -> String {
     let parts: Vec<(String, Option<String>)> = cells.iter().map(|cell| cell.parts()).collect();
-    let number = |k: usize, text: &str| match cells[k] {
+    let typeset = |k: usize, text: &str| match cells[k] {
         Cell::Number { .. } | Cell::Estimate { .. } => escape(text).replace('-', "$-$"),
         _ if broken[k] => format!("\\raggedright {}", escape(text)),
         _ => escape(text),
     };
-    let mut lines = line(parts.iter().enumerate().map(|(k, (value, _))| number(k, value)));
+    let mut lines = line(parts.iter().enumerate().map(|(k, (value, _))| typeset(k, value)));
     if parts.iter().any(|(_, interval)| interval.is_some()) {
         let intervals = parts
             .iter()
             .enumerate()
-            .map(|(k, (_, interval))| interval.as_ref().map(|interval| number(k, interval)).unwrap_or_default());
+            .map(|(k, (_, interval))| interval.as_ref().map(|interval| typeset(k, interval)).unwrap_or_default());
         lines.push_str(&line(intervals));
     }
     lines
