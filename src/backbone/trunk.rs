@@ -89,7 +89,7 @@ impl LayerKernel {
     /// Adds to the gradient by the weights.
     fn by_weights(&self, x: View, by_z: View, by_weights: &mut [f32], scratch: &mut Scratch) {
         match self {
-            LayerKernel::Dense(conv) => conv.by_weights(x, by_z, by_weights, true),
+            LayerKernel::Dense(conv) => conv.by_weights(x, by_z, by_weights, true, scratch),
             LayerKernel::Depthwise(conv) => conv.by_weights(x, by_z, by_weights, true, scratch),
         }
     }

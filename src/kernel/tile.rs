@@ -15,7 +15,8 @@ pub(super) const MAX_ROWS: usize = 8;
 /// summed in order of t, then c.
 #[derive(Clone, Copy)]
 pub(super) struct Tile {
-    /// Table of `taps` × tile rows pointers; entries of rows that are not stored must be valid too.
+    /// Table of `taps` × tile rows pointers; entries of rows that are not stored must be valid too. Interleaved: a pointer to
+    /// the first row's elements for each tap.
     pub rows: *const *const f32,
     /// Number of taps.
     pub taps: usize,
@@ -25,8 +26,12 @@ pub(super) struct Tile {
     pub len: usize,
     /// Distance of those elements.
     pub step: usize,
-    /// Packed right factor: `taps`·`len` rows of (vectors × lanes) floats.
+    /// The elements of all rows stand side by side.
+    pub interleaved: bool,
+    /// Right factor: `taps`·`len` rows of (vectors × lanes) floats.
     pub panel: *const f32,
+    /// Distance of the right factor's rows if the left one is interleaved; else they are packed.
+    pub panel_stride: usize,
     /// First output.
     pub out: *mut f32,
     /// Distance of output rows.
@@ -100,7 +105,13 @@ unsafe fn run<S: Simd, const M: usize, const V: usize>(t: &Tile) {
     unsafe {
         let sums = start::<S, M, V>(t);
         // a constant step needs one register for all rows' places, and two turns at once no further one
-        let sums = if t.step == 1 { sum_up::<S, M, V, 2>(t, 1, sums) } else { sum_up::<S, M, V, 1>(t, t.step, sums) };
+        let sums = if t.interleaved {
+            sum_up_interleaved::<S, M, V>(t, sums)
+        } else if t.step == 1 {
+            sum_up::<S, M, V, 2>(t, 1, sums)
+        } else {
+            sum_up::<S, M, V, 1>(t, t.step, sums)
+        };
         finish::<S, M, V>(t, sums);
     }
 }
@@ -139,6 +150,37 @@ unsafe fn sum_up<S: Simd, const M: usize, const V: usize, const U: usize>(
             for i in turns * U..t.len {
                 add_products(&rows, i * step, panel, ahead, &mut sums);
                 panel = panel.add(V * S::LANES);
+            }
+        }
+        sums
+    }
+}
+
+/// [`sum_up`] of an interleaved left factor: one register holds the place of all its rows, and one the panel's.
+#[inline(always)]
+#[allow(clippy::needless_range_loop)]
+unsafe fn sum_up_interleaved<S: Simd, const M: usize, const V: usize>(t: &Tile, mut sums: [[S; V]; M]) -> [[S; V]; M] {
+    // SAFETY: as for `run`
+    unsafe {
+        let mut panel = t.panel;
+        for tap in 0..t.taps {
+            let mut left = (*t.rows.add(tap)).add(t.offset);
+            for _ in 0..t.len {
+                let mut b = [S::splat(0.0); V];
+                for (v, b) in b.iter_mut().enumerate() {
+                    *b = S::load(panel.add(v * S::LANES));
+                }
+                for r in 0..M {
+                    let a = S::splat(*left.add(r));
+                    for v in 0..V {
+                        sums[r][v] = a.fma(b[v], sums[r][v]);
+                    }
+                }
+                for v in 0..V {
+                    prefetch_near(panel.wrapping_add(NEAR * t.panel_stride + v * S::LANES));
+                }
+                left = left.add(t.step);
+                panel = panel.add(t.panel_stride);
             }
         }
         sums

@@ -1,6 +1,7 @@
 //! A convolution whose weights change: forward, and both gradients.
 
 use super::Scratch;
+use super::border::contiguous;
 use super::multiply::{Packed, Target, multiply};
 use super::weight_gradient::WeightGradient;
 use super::windows::{Axis, Phase, Windows};
@@ -68,7 +69,8 @@ impl TrainableConv {
             }
         };
         let packed = Packed::new(self.isa, outputs, depth, &mut scratch.floats, fill);
-        let windows = Windows::forward(x, self.window, out.shape);
+        let (x, window) = contiguous(x, self.window, &mut scratch.bordered);
+        let windows = Windows::forward(x, window, out.shape);
         multiply(&windows, &self.zeros, &packed, Target { maps: out, phases: None, accumulate: false });
     }
 
@@ -114,8 +116,9 @@ impl TrainableConv {
     ///
     /// # Panics
     /// If a shape is not that of this convolution.
-    pub fn by_weights(&self, x: View, dy: View, dw: &mut [f32], accumulate: bool) {
+    pub fn by_weights(&self, x: View, dy: View, dw: &mut [f32], accumulate: bool, scratch: &mut Scratch) {
         self.check(x.shape, dy.shape, dw.len());
-        WeightGradient::new(self.isa, self.window, x, dy).run(dw, accumulate);
+        let (x, window) = contiguous(x, self.window, &mut scratch.bordered);
+        WeightGradient::new(self.isa, window, x, dy).run(dw, accumulate);
     }
 }

@@ -55,7 +55,7 @@ fn check(window: Window, x_shape: Shape, out: Shape, gaps: (usize, usize), accum
             let mut dx = Maps::new(&begin(&before[1]), x_shape, gaps.0);
             conv.by_input(dy.view(), w, dx.view_mut(), accumulate, &mut scratch);
             let mut dw = begin(&before[2]);
-            conv.by_weights(x.view(), dy.view(), &mut dw, accumulate);
+            conv.by_weights(x.view(), dy.view(), &mut dw, accumulate, &mut scratch);
             [y.dense(), dx.dense(), dw]
         });
         for result in results {
@@ -87,6 +87,7 @@ fn so_are_those_of_deep_weights_many_pixels_and_few_channels() {
         // rows of the window are contiguous in memory
         (Window::square(3, 2), (31, 45), 3, 40),
         (Window::square(7, 2), (23, 21), 3, 5),
+        (Window { pad: Pad::symmetric(3, 3), ..Window::square(7, 2) }, (23, 22), 3, 20),
     ] {
         let (oh, ow) = window.output(height, width).unwrap();
         let x = Shape { images: 2, height, width, channels: inputs };

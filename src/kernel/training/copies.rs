@@ -95,7 +95,7 @@ pub(super) struct Inputs {
     floats: Buffer,
     /// Floats from a tile to the next.
     pub tile_len: usize,
-    /// For each window row, copied output row and row of a tile: where that output row's inputs begin in the first tile.
+    /// For each window row and copied output row: where that output row's inputs begin in the first tile.
     table: Vec<*const f32>,
 }
 
@@ -115,7 +115,7 @@ impl Inputs {
         // an odd number of cache lines, or the tiles would compete for few places of the first-level cache
         self.tile_len = (copied.div_ceil(LINE) | 1) * LINE;
         self.floats.resize(self.tile_len * tiles.len());
-        self.table.resize(window.height * block.len() * rows, std::ptr::null());
+        self.table.resize(window.height * block.len(), std::ptr::null());
         let (mut at, mut done) = (0, 0);
         for (image, part) in parts {
             for row in 0..input_rows(&part) {
@@ -124,11 +124,8 @@ impl Inputs {
                 self.copy_row(tiling, x, source, tiles.clone(), at + row * row_len);
             }
             for (ky, y) in (0..window.height).flat_map(|ky| part.clone().map(move |y| (ky, y - part.start))) {
-                let begin = &self.floats[at + (y * window.stride + ky) * row_len..];
-                let entries = &mut self.table[(ky * block.len() + done + y) * rows..][..rows];
-                for (r, entry) in entries.iter_mut().enumerate() {
-                    *entry = begin[r..].as_ptr();
-                }
+                let begin = at + (y * window.stride + ky) * row_len;
+                self.table[ky * block.len() + done + y] = self.floats[begin..].as_ptr();
             }
             at += input_rows(&part) * row_len;
             done += part.len();
@@ -160,8 +157,8 @@ impl Inputs {
     }
 
     /// The table's entries of window row `ky`, if `block` output rows were copied.
-    pub fn rows(&self, ky: usize, block: usize, tiling: &Tiling) -> &[*const f32] {
-        &self.table[ky * block * tiling.rows..][..block * tiling.rows]
+    pub fn rows(&self, ky: usize, block: usize) -> &[*const f32] {
+        &self.table[ky * block..][..block]
     }
 }
 

@@ -3,6 +3,7 @@
 //! All of it runs on the current pool of threads. How work is shared among threads never changes the order of
 //! a sum.
 
+mod border;
 mod channelwise;
 mod conv;
 mod copies;
@@ -26,6 +27,8 @@ use super::buffer::Buffer;
 pub struct Scratch {
     /// Packed weights, or partial sums of gradients.
     floats: Buffer,
+    /// Images with their border.
+    bordered: Buffer,
     /// Sums over a batch.
     sums: Vec<f64>,
 }

@@ -1,7 +1,8 @@
 //! Gradients by the weights of a convolution.
 //!
 //! A gradient is a sum over all output pixels of products of an input and a gradient by the output. Blocks of output
-//! rows are copied so that the tile kernel reads them in the order of memory: the inputs as tiles, the gradients as panels.
+//! rows are copied so that the tile kernel reads them in the order of memory: the inputs as tiles and, where that pays, the
+//! gradients as panels.
 
 use std::cell::RefCell;
 use std::ops::Range;
@@ -25,7 +26,13 @@ pub(super) struct WeightGradient<'a> {
     x: View<'a>,
     dy: View<'a>,
     tiling: Tiling,
+    /// Panels are read in `dy`, without a copy.
+    in_place: bool,
 }
+
+/// Most channels of gradients that are read in place: a panel is a narrow column of them, and with more channels few
+/// places of the caches would be its.
+const IN_PLACE: usize = 512;
 
 /// A task's part: some units, one after the other for a tile its taps, and some panels (first column, columns, vectors).
 struct Part<'a> {
@@ -41,7 +48,10 @@ struct Copies {
 
 impl<'a> WeightGradient<'a> {
     pub fn new(isa: Isa, window: Window, x: View<'a>, dy: View<'a>) -> Self {
-        Self { isa, x, dy, tiling: Tiling::new(isa, window, x, dy.shape) }
+        let tiling = Tiling::new(isa, window, x, dy.shape);
+        let outputs = dy.shape.channels;
+        let in_place = outputs <= IN_PLACE && outputs.is_multiple_of(isa.lanes());
+        Self { isa, x, dy, tiling, in_place }
     }
 
     /// Sums into the weights' gradients `dw`, beginning at 0 or at what stands there.
@@ -108,36 +118,46 @@ impl<'a> WeightGradient<'a> {
         let together = COPIED / (PIXELS * tile_rows);
         for first in (0..rows).step_by(block_rows) {
             let block = first..rows.min(first + block_rows);
-            copies.gradients.copy(self.isa, self.dy, block.clone(), part.panels);
+            if !self.in_place {
+                copies.gradients.copy(self.isa, self.dy, block.clone(), part.panels);
+            }
             for first_tile in tiles.clone().step_by(together) {
                 let tiles = first_tile..tiles.end.min(first_tile + together);
                 copies.inputs.copy(&self.tiling, self.x, block.clone(), tiles.clone());
                 let units = part.units.start.max(tiles.start * taps)..part.units.end.min(tiles.end * taps);
                 let some = Part { units, panels: part.panels };
-                self.multiply(block.len(), first_tile, &some, copies, dw, accumulate || first > 0);
+                self.multiply(block.clone(), first_tile, &some, copies, dw, accumulate || first > 0);
             }
         }
     }
 
-    /// Adds the products of the `block` copied rows to the gradients of a part; the first copied tile is `first_tile`.
-    fn multiply(&self, block: usize, first_tile: usize, part: &Part, copies: &Copies, dw: Shared, resume: bool) {
+    /// Adds the products of output rows `block` to the gradients of a part; the first copied tile is `first_tile`.
+    fn multiply(&self, block: Range<usize>, first_tile: usize, part: &Part, copies: &Copies, dw: Shared, resume: bool) {
         let Tiling { rows, inputs, columns, step, .. } = self.tiling;
         let (taps, outputs) = (self.tiling.taps(), self.dy.shape.channels);
         for (i, &(first, width, vectors)) in part.panels.iter().enumerate() {
             let kernel = tile_fn(self.isa, vectors);
+            let (panel, panel_stride) = if self.in_place {
+                (&self.dy.pixel(block.start * self.dy.shape.width)[first..], self.dy.stride)
+            } else {
+                (copies.gradients.panel(i), vectors * self.isa.lanes())
+            };
             for unit in part.units.clone() {
                 let (tile, tap) = (unit / taps, unit % taps);
                 // SAFETY: `Inputs::copy` made a table for all window rows and output rows of the block, and copied rows that
-                // hold all columns of the window at every place; `Gradients::copy` made a row of panel for each pixel;
-                // the weights of this tap, tile and panel are in `dw`, and no other task has them
+                // hold all columns of the window at every place; `Gradients::copy` made a row of panel for each pixel, or
+                // whole vectors of the pixels' gradients are read; the weights of this tap, tile and panel are in `dw`, and
+                // no other task has them
                 unsafe {
                     kernel(&Tile {
-                        rows: copies.inputs.rows(tap / columns, block, &self.tiling).as_ptr(),
-                        taps: block,
+                        rows: copies.inputs.rows(tap / columns, block.len()).as_ptr(),
+                        taps: block.len(),
                         offset: (tile - first_tile) * copies.inputs.tile_len + tap % columns * rows,
                         len: self.dy.shape.width,
                         step: step * rows,
-                        panel: copies.gradients.panel(i).as_ptr(),
+                        interleaved: true,
+                        panel: panel.as_ptr(),
+                        panel_stride,
                         out: dw.at((tap * inputs + tile * rows) * outputs + first),
                         out_stride: outputs,
                         valid_rows: rows.min(inputs - tile * rows),
