@@ -22,6 +22,8 @@ pub(super) struct PlannedStep {
 pub(super) struct Plan {
     pub values: Vec<MapShape>,
     pub steps: Vec<PlannedStep>,
+    /// For each step, the step of a layer whose output has all of its gradient when this one's input has got its part.
+    pub completes: Vec<Option<usize>>,
     /// Value of each of the graph's taps.
     pub taps: Vec<Value>,
     /// Buffer in which each value's gradient is kept while it is needed; that of the input never is.
@@ -51,7 +53,7 @@ impl Plan {
             note_taps(graph, i + 1, &value_of, &mut taps);
         }
         let (gradient_of, gradient_sizes) = gradient_buffers(&values, &steps, &taps);
-        Self { values, steps, taps, gradient_of, gradient_sizes }
+        Self { completes: completes(&steps), values, steps, taps, gradient_of, gradient_sizes }
     }
 }
 
@@ -60,6 +62,19 @@ fn note_taps(graph: &Graph, steps: usize, value_of: &[Option<Value>], taps: &mut
     for (value, tap) in taps.iter_mut().zip(&graph.taps).filter(|(_, tap)| tap.steps == steps) {
         *value = map_value(tap.map);
     }
+}
+
+/// [`Plan::completes`]: going backwards, the first reader of a value comes last. Only one step may make the value.
+fn completes(steps: &[PlannedStep]) -> Vec<Option<usize>> {
+    let of = |(i, step): (usize, &PlannedStep)| {
+        let value = step.input;
+        let reads = |step: &PlannedStep| step.input == value || step.added == Some(value);
+        let mut makers = (0..i).filter(|m| steps[*m].output == value);
+        let maker = makers.next().filter(|m| matches!(steps[*m].action, Action::Layer(_)))?;
+        let alone = makers.next().is_none() && step.added != Some(value) && !steps[..i].iter().any(reads);
+        alone.then_some(maker)
+    };
+    steps.iter().enumerate().map(of).collect()
 }
 
 /// Gives each value's gradient a buffer such that gradients in use at the same time have different ones.
@@ -119,6 +134,24 @@ mod tests {
         assert_eq!(sums[1].added, Some(sums[0].output));
         assert!(plan.steps.iter().any(|s| s.input == sums[0].output));
         assert_eq!(plan.taps, [sums[2].output]);
+    }
+
+    #[test]
+    fn the_first_reader_of_a_layers_output_completes_its_gradient() {
+        let plan = plan(Architecture::Resnet50, 32, "layer1");
+        for (i, step) in plan.steps.iter().enumerate() {
+            let mut readers =
+                (0..).zip(&plan.steps).filter(|(_, s)| s.input == step.output || s.added == Some(step.output));
+            let completed = plan.completes.iter().position(|c| *c == Some(i));
+            let first = readers.next().filter(|(_, reader)| reader.input == step.output);
+            let expected = first.filter(|_| matches!(step.action, Action::Layer(_))).map(|(reader, _)| reader);
+            assert_eq!(completed, expected, "step {i}");
+        }
+        // branches that are joined are made by several layers
+        let plan = self::plan(Architecture::InceptionV3, 75, "mixed_5b");
+        let joined = plan.steps.last().unwrap().output;
+        let branches = (0..).zip(&plan.steps).filter(|(_, s)| s.output == joined).map(|(i, _)| i);
+        assert!(branches.into_iter().all(|i: usize| !plan.completes.contains(&Some(i))));
     }
 
     #[test]

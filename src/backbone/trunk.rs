@@ -9,8 +9,9 @@ use super::parameters::{Norm, Parameters};
 use super::plan::{Plan, PlannedStep, Value};
 use super::pooling::Pooling;
 use crate::kernel::{
-    Buffer, Gate, NormGradient, Normalization, Scratch, Shape, TrainableConv, TrainableDepthwise, View, ViewMut,
-    Window, average_pool, average_pool_gradient, isa, max_pool_gradient, max_pool_with_winners, statistics,
+    Buffer, Gate, GradientSums, Moments, NormGradient, Normalization, Scratch, Shape, TrainableConv,
+    TrainableDepthwise, View, ViewMut, Window, average_pool, average_pool_gradient, isa, max_pool_gradient,
+    max_pool_with_winners,
 };
 
 /// Share of a batch's statistics in the running ones after a step; PyTorch's default.
@@ -41,6 +42,9 @@ struct LayerWork {
     /// The batch norm of the batch as a factor and an offset of each channel of `z`.
     factor: Vec<f32>,
     offset: Vec<f32>,
+    /// Of the gradient of the output, if it is complete and they were taken.
+    sums: GradientSums,
+    summed: bool,
 }
 
 #[derive(Debug)]
@@ -64,6 +68,8 @@ impl LayerWork {
             inverse_sd: channels(),
             factor: channels(),
             offset: channels(),
+            sums: GradientSums::default(),
+            summed: false,
         }
     }
     fn normalization(&self, bounds: Option<(f32, f32)>) -> Normalization<'_> {
@@ -72,17 +78,25 @@ impl LayerWork {
 }
 
 impl LayerKernel {
-    fn forward(&self, x: View, weights: &[f32], z: ViewMut, scratch: &mut Scratch) {
+    fn forward(&self, x: View, weights: &[f32], z: ViewMut, moments: &mut Moments, scratch: &mut Scratch) {
         match self {
-            LayerKernel::Dense(conv) => conv.forward(x, weights, z, scratch),
-            LayerKernel::Depthwise(conv) => conv.forward(x, weights, z),
+            LayerKernel::Dense(conv) => conv.forward(x, weights, z, moments, scratch),
+            LayerKernel::Depthwise(conv) => conv.forward(x, weights, z, moments),
         }
     }
 
-    fn by_input(&self, by_z: View, weights: &[f32], by_x: ViewMut, accumulate: bool, scratch: &mut Scratch) {
+    fn by_input(
+        &self,
+        by_z: View,
+        weights: &[f32],
+        by_x: ViewMut,
+        accumulate: bool,
+        sums: Option<(&NormGradient, &mut GradientSums)>,
+        scratch: &mut Scratch,
+    ) {
         match self {
-            LayerKernel::Dense(conv) => conv.by_input(by_z, weights, by_x, accumulate, scratch),
-            LayerKernel::Depthwise(conv) => conv.by_input(by_z, weights, by_x, accumulate),
+            LayerKernel::Dense(conv) => conv.by_input(by_z, weights, by_x, accumulate, sums, scratch),
+            LayerKernel::Depthwise(conv) => conv.by_input(by_z, weights, by_x, accumulate, sums),
         }
     }
 
@@ -119,6 +133,7 @@ pub(super) struct Trunk {
     /// Tap of the window that holds the maximum, for each step that is a maximum pool.
     winners: Vec<Vec<u8>>,
     by_z: Buffer,
+    moments: Moments,
     scratch: Scratch,
 }
 
@@ -151,6 +166,7 @@ impl Trunk {
             winners: vec![Vec::new(); plan.steps.len()],
             images: 0,
             by_z: Buffer::default(),
+            moments: Moments::default(),
             scratch: Scratch::default(),
             graph,
             spans,
@@ -235,6 +251,7 @@ impl Trunk {
         let span = self.spans[number].clone();
         let bounds = self.graph.layers[number].activation.bounds();
         let mut z = std::mem::take(&mut self.layers[number].z);
+        let mut moments = std::mem::take(&mut self.moments);
         let mut scratch = std::mem::take(&mut self.scratch);
         z.resize(part.len());
         let z_part = ViewMut::new(&mut z, part, part.channels);
@@ -242,18 +259,19 @@ impl Trunk {
             self.view(step.input),
             &parameters[span.weights.clone()],
             z_part,
+            &mut moments,
             &mut scratch,
         );
         let z_part = View::new(&z, part, part.channels);
         let mut variance = vec![0.0; part.channels];
-        statistics(z_part, &mut self.layers[number].mean, &mut variance, &mut scratch);
+        moments.mean_and_variance(&mut self.layers[number].mean, &mut variance);
         self.affine(number, &variance, &parameters[span.scale.clone()], &parameters[span.shift.clone()]);
         let added = step.added.map(|value| self.view(value));
         let y = ViewMut::new(&mut output[step.channel..], part, stride);
         self.layers[number].normalization(bounds).apply(z_part, added, y);
         self.remember(number, &variance, part.pixels());
         self.layers[number].z = z;
-        self.scratch = scratch;
+        (self.moments, self.scratch) = (moments, scratch);
     }
 
     /// Makes the batch norm of a batch factor and offset of each channel.
@@ -326,6 +344,7 @@ impl Trunk {
             buffer.resize(size * self.images);
         }
         self.written.fill(false);
+        self.layers.iter_mut().for_each(|layer| layer.summed = false);
         self.unpool(by_features);
         for i in (0..self.plan.steps.len()).rev() {
             let step = self.plan.steps[i];
@@ -333,7 +352,7 @@ impl Trunk {
                 continue;
             }
             match step.action {
-                Action::Layer(layer) => self.layer_backward(parameters, &step, layer),
+                Action::Layer(layer) => self.layer_backward(parameters, i, layer),
                 Action::MaxPool(window) => self.pool_backward(&step, |by_y, accumulate, by_x, trunk| {
                     max_pool_gradient(isa(), window, by_y, &trunk.winners[i], by_x, accumulate);
                 }),
@@ -363,55 +382,38 @@ impl Trunk {
         }
     }
 
-    fn layer_backward(&mut self, parameters: &[f32], step: &PlannedStep, number: usize) {
-        let (part, stride) = (self.part(step), self.shape(step.output).channels);
+    fn layer_backward(&mut self, parameters: &[f32], i: usize, number: usize) {
+        let step = self.plan.steps[i];
+        let (part, stride) = (self.part(&step), self.shape(step.output).channels);
         let span = self.spans[number].clone();
         let by_y = std::mem::take(&mut self.gradients[self.plan.gradient_of[step.output]]);
         let mut by_added = step.added.filter(|v| *v != 0).map(|v| self.take_gradient(v));
         let mut by_z = std::mem::take(&mut self.by_z);
         let mut gradient = std::mem::take(&mut self.gradient);
         let mut scratch = std::mem::take(&mut self.scratch);
+        let mut sums = std::mem::take(&mut self.layers[number].sums);
         by_z.resize(part.len());
 
         let work = &self.layers[number];
         let added =
             by_added.as_mut().map(|(buffer, accumulate)| (ViewMut::new(buffer, part, part.channels), *accumulate));
-        let norm = NormGradient {
-            mean: &work.mean,
-            inverse: &work.inverse_sd,
-            gamma: &parameters[span.scale.clone()],
-            frozen: false,
-        };
-        let y = View::new(&self.values[step.output][step.channel..], part, stride);
-        let bounds = self.graph.layers[number].activation.bounds();
-        let gate = match bounds {
-            Some(bounds) if step.added.is_some() => Gate::Outputs(y, bounds),
-            _ => Gate::Normalized(work.normalization(bounds)),
-        };
+        let norm = self.norm_gradient(parameters, &step, number);
+        let by_y_part = View::new(&by_y[step.channel..], part, stride);
+        if !work.summed {
+            norm.sum(by_y_part, &mut sums);
+        }
+        let by_z_part = ViewMut::new(&mut by_z, part, part.channels);
         let mut by_norm = [vec![0.0; part.channels], vec![0.0; part.channels]];
         let [by_scale, by_shift] = &mut by_norm;
-        norm.backward(
-            View::new(&by_y[step.channel..], part, stride),
-            gate,
-            View::new(&work.z, part, part.channels),
-            ViewMut::new(&mut by_z, part, part.channels),
-            added,
-            by_scale,
-            by_shift,
-            &mut scratch,
-        );
+        norm.backward(by_y_part, &sums, by_z_part, added, by_scale, by_shift);
         add(&mut gradient[span.scale], by_scale);
         add(&mut gradient[span.shift], by_shift);
 
         let by_z_part = View::new(&by_z, part, part.channels);
-        let x = self.view(step.input);
-        work.kernel.by_weights(x, by_z_part, &mut gradient[span.weights.clone()], &mut scratch);
+        work.kernel.by_weights(self.view(step.input), by_z_part, &mut gradient[span.weights.clone()], &mut scratch);
+        self.layers[number].sums = sums;
         if step.input != 0 {
-            let (mut by_x, accumulate) = self.take_gradient(step.input);
-            let shape = self.shape(step.input);
-            let out = ViewMut::new(&mut by_x, shape, shape.channels);
-            self.layers[number].kernel.by_input(by_z_part, &parameters[span.weights], out, accumulate, &mut scratch);
-            self.put_gradient(step.input, by_x);
+            self.by_input(parameters, i, number, by_z_part, &mut scratch);
         }
 
         if let (Some(value), Some((buffer, _))) = (step.added, by_added) {
@@ -419,6 +421,49 @@ impl Trunk {
         }
         self.gradients[self.plan.gradient_of[step.output]] = by_y;
         (self.by_z, self.gradient, self.scratch) = (by_z, gradient, scratch);
+    }
+
+    /// Writes the derivative by a layer's input.
+    fn by_input(&mut self, parameters: &[f32], i: usize, number: usize, by_z: View, scratch: &mut Scratch) {
+        let input = self.plan.steps[i].input;
+        let (mut by_x, accumulate) = self.take_gradient(input);
+        let shape = self.shape(input);
+        let out = ViewMut::new(&mut by_x, shape, shape.channels);
+        let completed = self.plan.completes[i].map(|maker| self.plan.steps[maker]);
+        let maker = completed.and_then(|step| match step.action {
+            Action::Layer(maker) => Some((step, maker)),
+            Action::MaxPool(_) | Action::AveragePool(_) => None,
+        });
+        let mut sums = maker.map(|(_, maker)| std::mem::take(&mut self.layers[maker].sums)).unwrap_or_default();
+        let norm = maker.map(|(step, maker)| self.norm_gradient(parameters, &step, maker));
+        let weights = &parameters[self.spans[number].weights.clone()];
+        let kernel = &self.layers[number].kernel;
+        kernel.by_input(by_z, weights, out, accumulate, norm.as_ref().map(|norm| (norm, &mut sums)), scratch);
+        if let Some((_, maker)) = maker {
+            let LayerWork { sums: of_maker, summed, .. } = &mut self.layers[maker];
+            (*of_maker, *summed) = (sums, true);
+        }
+        self.put_gradient(input, by_x);
+    }
+
+    /// The gradient of a layer's batch norm and activation.
+    fn norm_gradient<'a>(&'a self, parameters: &'a [f32], step: &PlannedStep, number: usize) -> NormGradient<'a> {
+        let (part, stride) = (self.part(step), self.shape(step.output).channels);
+        let work = &self.layers[number];
+        let gate = match self.graph.layers[number].activation.bounds() {
+            Some(bounds) if step.added.is_some() => {
+                Gate::Outputs(View::new(&self.values[step.output][step.channel..], part, stride), bounds)
+            }
+            bounds => Gate::Normalized(work.normalization(bounds)),
+        };
+        NormGradient {
+            z: View::new(&work.z, part, part.channels),
+            gate,
+            mean: &work.mean,
+            inverse: &work.inverse_sd,
+            gamma: &parameters[self.spans[number].scale.clone()],
+            frozen: false,
+        }
     }
 
     fn pool_backward(&mut self, step: &PlannedStep, by_input: impl Fn(View, bool, ViewMut, &Self)) {

@@ -25,7 +25,7 @@ pub(crate) use slices::per_isa;
 pub use slices::{add_rows, inverse, inverse_root, products, sigmoid, sum_of_squares, tanh, times};
 pub use stencil::{Depthwise, average_pool, max_pool};
 pub use training::{
-    Gate, NormGradient, Normalization, Scratch, TrainableConv, TrainableDepthwise, average_pool_gradient,
-    max_pool_gradient, max_pool_with_winners, statistics,
+    Gate, GradientSums, Moments, NormGradient, Normalization, Scratch, TrainableConv, TrainableDepthwise,
+    average_pool_gradient, max_pool_gradient, max_pool_with_winners,
 };
 pub use transpose::transpose;

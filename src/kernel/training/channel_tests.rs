@@ -2,9 +2,11 @@
 
 use proptest::prelude::*;
 
-use super::testing::{Maps, close, each_pair, on_pools, supported, values, window};
-use super::{Scratch, TrainableDepthwise, average_pool_gradient, max_pool_gradient, max_pool_with_winners};
-use crate::kernel::{Isa, Shape, View, Window, average_pool};
+use super::testing::{Maps, close, each_pair, norm_of, on_pools, supported, taken_while_writing, values, window};
+use super::{
+    GradientSums, Moments, Scratch, TrainableDepthwise, average_pool_gradient, max_pool_gradient, max_pool_with_winners,
+};
+use crate::kernel::{Isa, Pad, Shape, View, Window, average_pool};
 
 fn exact(values: &[f32]) -> Vec<f64> {
     values.iter().map(|v| f64::from(*v)).collect()
@@ -27,9 +29,9 @@ fn depthwise_results(
     let conv = TrainableDepthwise::with_isa(isa, window, x.shape.channels);
     on_pools(|| {
         let mut y = Maps::new(&vec![f32::NAN; dy.shape.len()], dy.shape, 1);
-        conv.forward(x.view(), w, y.view_mut());
+        conv.forward(x.view(), w, y.view_mut(), &mut Moments::default());
         let mut dx = Maps::new(dx, x.shape, 2);
-        conv.by_input(dy.view(), w, dx.view_mut(), accumulate);
+        conv.by_input(dy.view(), w, dx.view_mut(), accumulate, None);
         let mut dw = dw.to_vec();
         conv.by_weights(x.view(), dy.view(), &mut dw, accumulate, &mut Scratch::default());
         [y.dense(), dx.dense(), dw]
@@ -143,6 +145,30 @@ proptest! {
                 prop_assert!(close(&result, &expected));
                 prop_assert_eq!(first.get_or_insert_with(|| result.clone()), &result, "{:?}", isa);
             }
+        }
+    }
+}
+
+#[test]
+fn moments_and_sums_taken_while_writing_are_those_of_what_was_written() {
+    for (width, stride, channels, gap) in [(32, 1, 33, 0), (29, 1, 48, 2), (64, 2, 16, 0)] {
+        let window = Window { pad: Pad::symmetric(1, 1), ..Window::square(3, stride) };
+        let shape = Shape { images: 2, height: 80, width, channels };
+        let (height, width) = window.output(shape.height, width).unwrap();
+        let out = Shape { height, width, ..shape };
+        let (x, dy) = (Maps::new(&values(shape.len(), 1), shape, gap), Maps::new(&values(out.len(), 2), out, 0));
+        let (weights, vector) = (values(9 * channels, 3), values(channels, 4));
+        let norm = norm_of(x.view(), &vector);
+        for isa in supported() {
+            let conv = TrainableDepthwise::with_isa(isa, window, channels);
+            on_pools(|| {
+                let mut taken = (Moments::default(), GradientSums::default());
+                let mut y = Maps::new(&vec![f32::NAN; out.len()], out, gap);
+                conv.forward(x.view(), &weights, y.view_mut(), &mut taken.0);
+                let mut dx = Maps::new(&values(shape.len(), 5), shape, gap);
+                conv.by_input(dy.view(), &weights, dx.view_mut(), true, Some((&norm, &mut taken.1)));
+                taken_while_writing(isa, y.view(), dx.view(), &norm, &taken);
+            });
         }
     }
 }

@@ -64,12 +64,12 @@ impl<F: Factors> Work for Sum<'_, F> {
         unsafe {
             // with their number known to the compiler, factors stay in registers
             match self.run.terms.len() {
-                1 => self.fixed::<S, 1>(),
-                2 => self.fixed::<S, 2>(),
-                3 => self.fixed::<S, 3>(),
-                4 => self.fixed::<S, 4>(),
-                6 => self.fixed::<S, 6>(),
-                9 => self.fixed::<S, 9>(),
+                1 => self.all_channels::<S, 1>(),
+                2 => self.all_channels::<S, 2>(),
+                3 => self.all_channels::<S, 3>(),
+                4 => self.all_channels::<S, 4>(),
+                6 => self.all_channels::<S, 6>(),
+                9 => self.all_channels::<S, 9>(),
                 _ => self.any::<S>(),
             }
         }
@@ -77,25 +77,61 @@ impl<F: Factors> Work for Sum<'_, F> {
 }
 
 impl<F: Factors> Sum<'_, F> {
+    /// With vectors of the longest kind, two at a time: there are registers for the factors of both.
     #[inline(always)]
-    unsafe fn fixed<S: Simd, const TERMS: usize>(&mut self) {
+    unsafe fn all_channels<S: Simd, const TERMS: usize>(&mut self) {
+        let channels = self.maps.shape.channels;
+        let mut c = 0;
+        while c < channels {
+            // SAFETY: there are more than `c` channels; the caller vouches for the instruction set
+            unsafe {
+                if S::LANES == 16 && c + 2 * S::LANES <= channels {
+                    self.fixed::<S, TERMS, 2>(c);
+                    c += 2 * S::LANES;
+                } else {
+                    self.fixed::<S, TERMS, 1>(c);
+                    c += S::LANES;
+                }
+            }
+        }
+    }
+
+    /// `VECTORS` vectors of channels from `c` on.
+    #[inline(always)]
+    #[allow(clippy::needless_range_loop)]
+    unsafe fn fixed<S: Simd, const TERMS: usize, const VECTORS: usize>(&mut self, c: usize) {
         let channels = self.maps.shape.channels;
         let values: [&[f32]; TERMS] = std::array::from_fn(|t| self.run.values(self.maps, &self.run.terms[t]));
         let distance = self.run.term_step * self.maps.stride;
-        for c in (0..channels).step_by(S::LANES) {
-            // SAFETY: there are more than `c` channels; the caller vouches for the instruction set
-            unsafe {
-                let mut factors = [S::splat(0.0); TERMS];
-                for (factor, term) in factors.iter_mut().zip(self.run.terms) {
-                    *factor = self.factors.load(term, c);
+        let width = (self.run.pixels - 1) * self.run.step * self.stride + channels;
+        let out = self.out[..width].as_mut_ptr();
+        // SAFETY: `values` and `out` hold the channels of all pixels of the run; there are more than `c` of them, and whole
+        // vectors if there are several; the caller vouches for the instruction set
+        unsafe {
+            let load_at = |from: *const f32, v: usize| {
+                let c = c + v * S::LANES;
+                if VECTORS > 1 { S::load(from.add(c)) } else { load(std::slice::from_raw_parts(from, channels), c) }
+            };
+            let mut factors = [[S::splat(0.0); VECTORS]; TERMS];
+            for (factor, term) in factors.iter_mut().zip(self.run.terms) {
+                for (v, factor) in factor.iter_mut().enumerate() {
+                    *factor = self.factors.load(term, c + v * S::LANES);
                 }
-                for p in 0..self.run.pixels {
-                    let out = &mut self.out[p * self.run.step * self.stride..][..channels];
-                    let mut sum = if self.accumulate { load::<S>(out, c) } else { S::splat(0.0) };
-                    for t in 0..TERMS {
-                        sum = load::<S>(&values[t][p * distance..][..channels], c).fma(factors[t], sum);
+            }
+            for p in 0..self.run.pixels {
+                let out = out.add(p * self.run.step * self.stride);
+                let mut sums = [S::splat(0.0); VECTORS];
+                for v in 0..VECTORS {
+                    if self.accumulate {
+                        sums[v] = load_at(out, v);
                     }
-                    store(sum, out, c);
+                    for t in 0..TERMS {
+                        sums[v] = load_at(values[t].as_ptr().add(p * distance), v).fma(factors[t][v], sums[v]);
+                    }
+                }
+                let out = std::slice::from_raw_parts_mut(out, channels);
+                for (v, sum) in sums.into_iter().enumerate() {
+                    store(sum, out, c + v * S::LANES);
                 }
             }
         }

@@ -2,7 +2,10 @@
 
 use super::Scratch;
 use super::border::contiguous;
+use super::chunks::Written;
+use super::moments::Moments;
 use super::multiply::{Packed, Target, multiply};
+use super::norm_gradient::{GradientSums, NormGradient};
 use super::weight_gradient::WeightGradient;
 use super::windows::{Axis, Phase, Windows};
 use crate::kernel::buffer::Buffer;
@@ -55,11 +58,11 @@ impl TrainableConv {
         assert!(weights == self.weights(), "weights of another shape");
     }
 
-    /// Convolves `x` into `out`. Order of terms: window row, window column, input.
+    /// Convolves `x` into `out`, and takes the `moments` of that. Order of terms: window row, window column, input.
     ///
     /// # Panics
-    /// If a shape is not that of this convolution.
-    pub fn forward(&self, x: View, weights: &[f32], out: ViewMut, scratch: &mut Scratch) {
+    /// If a shape is not that of this convolution, or there is no pixel.
+    pub fn forward(&self, x: View, weights: &[f32], out: ViewMut, moments: &mut Moments, scratch: &mut Scratch) {
         self.check(x.shape, out.shape, weights.len());
         let outputs = self.outputs;
         let depth = weights.len() / outputs.max(1);
@@ -71,33 +74,67 @@ impl TrainableConv {
         let packed = Packed::new(self.isa, outputs, depth, &mut scratch.floats, fill);
         let (x, window) = contiguous(x, self.window, &mut scratch.bordered);
         let windows = Windows::forward(x, window, out.shape);
-        multiply(&windows, &self.zeros, &packed, Target { maps: out, phases: None, accumulate: false });
+        let ViewMut { data, shape, stride } = out;
+        // the moments' origin is the first pixel
+        let first = Target::all(ViewMut { data: &mut *data, shape, stride }, false);
+        multiply(&windows.first(), &self.zeros, &packed, first, None);
+        let written = moments.begin(self.isa, &data[..outputs], shape.pixels(), stride);
+        let all = Target::all(ViewMut { data, shape, stride }, false);
+        multiply(&windows, &self.zeros, &packed, all, Some(&written));
     }
 
     /// The gradient by the input, of the gradient `dy` by the output, into `dx`; with `accumulate`, added to what stands
-    /// there. Order of terms: output row, output column, output channel.
+    /// there. Order of terms: output row, output column, output channel. If the input is the output of a batch norm and this
+    /// was all of its gradient, `sums` are taken of it.
     ///
     /// # Panics
     /// If a shape is not that of this convolution.
-    pub fn by_input(&self, dy: View, weights: &[f32], dx: ViewMut, accumulate: bool, scratch: &mut Scratch) {
+    pub fn by_input(
+        &self,
+        dy: View,
+        weights: &[f32],
+        dx: ViewMut,
+        accumulate: bool,
+        sums: Option<(&NormGradient, &mut GradientSums)>,
+        scratch: &mut Scratch,
+    ) {
         self.check(dx.shape, dy.shape, weights.len());
         let (rows, columns) = Axis::both(self.window, dy.shape);
         let ViewMut { data, shape, stride } = dx;
+        if self.window.stride == 1 {
+            let target = Target::all(ViewMut { data, shape, stride }, accumulate);
+            let phases = (rows.phase(0, shape.height), columns.phase(0, shape.width));
+            return match sums {
+                Some((norm, sums)) => {
+                    let written = norm.begin(self.isa, shape, stride, sums);
+                    self.by_phase(dy, weights, phases, target, Some(&written), scratch);
+                }
+                None => self.by_phase(dy, weights, phases, target, None, scratch),
+            };
+        }
         for y in 0..self.window.stride {
             for x in 0..self.window.stride {
                 let phases = (rows.phase(y, shape.height), columns.phase(x, shape.width));
                 let maps = ViewMut { data: &mut *data, shape, stride };
-                self.by_phase(dy, weights, phases, Target { maps, phases: Some(phases), accumulate }, scratch);
+                let target = Target { maps, phases: Some(phases), accumulate };
+                self.by_phase(dy, weights, phases, target, None, scratch);
             }
+        }
+        if let Some((norm, sums)) = sums {
+            norm.sum_with(self.isa, View { data, shape, stride }, sums);
         }
     }
 
     /// [`by_input`](Self::by_input) for every `stride`-th row and column of the input.
-    fn by_phase(&self, dy: View, weights: &[f32], phases: (Phase, Phase), mut target: Target, scratch: &mut Scratch) {
-        let (rows, columns) = phases;
-        if self.window.stride == 1 {
-            target.phases = None;
-        }
+    fn by_phase(
+        &self,
+        dy: View,
+        weights: &[f32],
+        (rows, columns): (Phase, Phase),
+        target: Target,
+        written: Option<&Written>,
+        scratch: &mut Scratch,
+    ) {
         let (inputs, outputs) = (self.inputs, self.outputs);
         let taps = rows.taps().flat_map(|ky| columns.taps().map(move |kx| ky * self.window.width + kx));
         let fill = |first: usize, width: usize, stride: usize, panel: &mut [f32]| {
@@ -108,7 +145,7 @@ impl TrainableConv {
         };
         let depth = rows.taps * columns.taps * outputs;
         let packed = Packed::new(self.isa, inputs, depth, &mut scratch.floats, fill);
-        multiply(&Windows::backward(dy, rows, columns), &self.zeros, &packed, target);
+        multiply(&Windows::backward(dy, rows, columns), &self.zeros, &packed, target, written);
     }
 
     /// The gradient by the weights into `dw`; with `accumulate`, added to what stands there. Order of terms: image,

@@ -1,7 +1,7 @@
 use proptest::prelude::*;
 
-use super::testing::{Maps, close, each_pair, on_pools, supported, values, window};
-use super::{Scratch, TrainableConv};
+use super::testing::{Maps, close, each_pair, norm_of, on_pools, supported, taken_while_writing, values, window};
+use super::{GradientSums, Moments, Scratch, TrainableConv};
 use crate::kernel::{Isa, Pad, Shape, Window};
 
 /// Output, gradient by the input and gradient by the weights, each as its chain of fused multiply-adds and in f64.
@@ -50,10 +50,10 @@ fn check(window: Window, x_shape: Shape, out: Shape, gaps: (usize, usize), accum
         let results = on_pools(|| {
             let mut scratch = Scratch::default();
             let mut y = Maps::new(&vec![f32::NAN; out.len()], out, gaps.1);
-            conv.forward(x.view(), w, y.view_mut(), &mut scratch);
+            conv.forward(x.view(), w, y.view_mut(), &mut Moments::default(), &mut scratch);
             let begin = |before: &Vec<f32>| if accumulate { before.clone() } else { vec![f32::NAN; before.len()] };
             let mut dx = Maps::new(&begin(&before[1]), x_shape, gaps.0);
-            conv.by_input(dy.view(), w, dx.view_mut(), accumulate, &mut scratch);
+            conv.by_input(dy.view(), w, dx.view_mut(), accumulate, None, &mut scratch);
             let mut dw = begin(&before[2]);
             conv.by_weights(x.view(), dy.view(), &mut dw, accumulate, &mut scratch);
             [y.dense(), dx.dense(), dw]
@@ -92,5 +92,32 @@ fn so_are_those_of_deep_weights_many_pixels_and_few_channels() {
         let (oh, ow) = window.output(height, width).unwrap();
         let x = Shape { images: 2, height, width, channels: inputs };
         check(window, x, Shape { height: oh, width: ow, channels: outputs, ..x }, (0, 1), true);
+    }
+}
+
+#[test]
+fn moments_and_sums_taken_while_writing_are_those_of_what_was_written() {
+    let padded = Window { pad: Pad::symmetric(1, 1), ..Window::square(3, 1) };
+    for (window, gap) in [(Window::square(1, 1), 0), (padded, 3), (Window::square(1, 2), 0)] {
+        let x_shape = Shape { images: 3, height: 37, width: 41, channels: 20 };
+        let (height, width) = window.output(37, 41).unwrap();
+        let out = Shape { images: 3, height, width, channels: 70 };
+        let conv = |isa| TrainableConv::with_isa(isa, window, 20, 70);
+        let weights = values(conv(Isa::Portable).weights(), 3);
+        let x = Maps::new(&values(x_shape.len(), 1), x_shape, gap);
+        let dy = Maps::new(&values(out.len(), 2), out, 0);
+        let vector = values(20, 4);
+        let norm = norm_of(x.view(), &vector);
+        for isa in supported() {
+            on_pools(|| {
+                let (mut scratch, mut taken) = (Scratch::default(), (Moments::default(), GradientSums::default()));
+                let mut y = Maps::new(&vec![f32::NAN; out.len()], out, gap);
+                conv(isa).forward(x.view(), &weights, y.view_mut(), &mut taken.0, &mut scratch);
+                let mut dx = Maps::new(&values(x_shape.len(), 5), x_shape, gap);
+                let sums = Some((&norm, &mut taken.1));
+                conv(isa).by_input(dy.view(), &weights, dx.view_mut(), true, sums, &mut scratch);
+                taken_while_writing(isa, y.view(), dx.view(), &norm, &taken);
+            });
+        }
     }
 }

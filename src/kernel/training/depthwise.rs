@@ -6,7 +6,10 @@ use rayon::prelude::*;
 
 use super::Scratch;
 use super::channelwise::{Sum, Weights};
-use super::runs::Runs;
+use super::chunks::{CHUNK, Written, take};
+use super::moments::Moments;
+use super::norm_gradient::{GradientSums, NormGradient};
+use super::runs::{Runs, Term};
 use super::windows::rows_mut;
 use crate::kernel::dispatch::{Work, dispatch, load, store};
 use crate::kernel::map::{Shape, View, ViewMut, Window};
@@ -14,6 +17,8 @@ use crate::kernel::simd::{Isa, Simd, isa};
 
 /// Output rows whose gradients by the weights are summed in one chain.
 const ROWS: usize = 8;
+/// Fewest tasks for each thread.
+const TASKS: usize = 4;
 
 /// A depthwise convolution that is given its weights (window row × window column × channels) at each call.
 ///
@@ -51,37 +56,50 @@ impl TrainableDepthwise {
         assert!(weights == self.weights(), "weights of another shape");
     }
 
-    /// Convolves `x` into `out`: each output is one chain of fused multiply-adds in the order (window row, window
-    /// column), beginning at 0.
+    /// Convolves `x` into `out`, and takes the `moments` of that: each output is one chain of fused multiply-adds in the order
+    /// (window row, window column), beginning at 0.
     ///
     /// # Panics
-    /// If a shape is not that of this convolution.
-    pub fn forward(&self, x: View, weights: &[f32], out: ViewMut) {
+    /// If a shape is not that of this convolution, or there is no pixel.
+    pub fn forward(&self, x: View, weights: &[f32], mut out: ViewMut, moments: &mut Moments) {
         self.check(x.shape, out.shape, weights.len());
         let runs = Runs::forward(self.window, x.shape, out.shape);
-        self.sum(&runs, x, weights, out, false);
+        let sum = Sums { runs: &runs, maps: x, factors: self.factors(weights), isa: self.isa, accumulate: false };
+        // the moments' origin is the first pixel
+        sum.row(0, out.data, out.stride, &mut Vec::new());
+        let origin = &out.data[..self.channels];
+        let written = moments.begin(self.isa, origin, out.shape.pixels(), out.stride);
+        sum.rows(&mut out, Some(&written));
     }
 
     /// The gradient by the input, of the gradient `dy` by the output, into `dx`; with `accumulate`, added to what stands
-    /// there. Each is one chain in the order (output row, output column).
+    /// there. Each is one chain in the order (output row, output column). If the input is the output of a batch norm and this
+    /// was all of its gradient, `sums` are taken of it.
     ///
     /// # Panics
     /// If a shape is not that of this convolution.
-    pub fn by_input(&self, dy: View, weights: &[f32], dx: ViewMut, accumulate: bool) {
+    pub fn by_input(
+        &self,
+        dy: View,
+        weights: &[f32],
+        mut dx: ViewMut,
+        accumulate: bool,
+        sums: Option<(&NormGradient, &mut GradientSums)>,
+    ) {
         self.check(dx.shape, dy.shape, weights.len());
         let runs = Runs::backward(self.window, dx.shape, dy.shape);
-        self.sum(&runs, dy, weights, dx, accumulate);
+        let sum = Sums { runs: &runs, maps: dy, factors: self.factors(weights), isa: self.isa, accumulate };
+        match sums {
+            Some((norm, sums)) => {
+                let written = norm.begin(self.isa, dx.shape, dx.stride, sums);
+                sum.rows(&mut dx, Some(&written));
+            }
+            None => sum.rows(&mut dx, None),
+        }
     }
 
-    fn sum(&self, runs: &Runs, maps: View, weights: &[f32], mut out: ViewMut, accumulate: bool) {
-        let stride = out.stride;
-        let factors = Weights { weights, channels: self.channels };
-        rows_mut(&mut out).enumerate().for_each_init(Vec::new, |terms, (row, out)| {
-            runs.of_row(row, terms, |run| {
-                let out = &mut out[run.first * stride..];
-                dispatch(self.isa, Sum { run, maps, factors, out, stride, accumulate });
-            });
-        });
+    fn factors<'a>(&self, weights: &'a [f32]) -> Weights<'a> {
+        Weights { weights, channels: self.channels }
     }
 
     /// The gradient by the weights into `dw`; with `accumulate`, added to what stands there. Each is a sum of chains over a
@@ -109,6 +127,59 @@ impl TrainableDepthwise {
             }
         }
     }
+}
+
+/// Sums for all pixels of maps.
+struct Sums<'a> {
+    runs: &'a Runs,
+    maps: View<'a>,
+    factors: Weights<'a>,
+    isa: Isa,
+    accumulate: bool,
+}
+
+impl Sums<'_> {
+    /// Those of a row into `out`, whose pixels are `stride` floats apart.
+    fn row(&self, row: usize, out: &mut [f32], stride: usize, terms: &mut Vec<Term>) {
+        let &Sums { maps, factors, accumulate, .. } = self;
+        self.runs.of_row(row, terms, |run| {
+            let out = &mut out[run.first * stride..];
+            dispatch(self.isa, Sum { run, maps, factors, out, stride, accumulate });
+        });
+    }
+
+    /// Those of all rows; `written` is called for all pixels, soon after they were written if that keeps all threads busy.
+    fn rows(&self, out: &mut ViewMut, written: Option<&Written>) {
+        // so many rows are whole chunks
+        let together = CHUNK / gcd(CHUNK, out.shape.width.max(1));
+        let enough = out.shape.images * out.shape.height >= TASKS * together * rayon::current_num_threads();
+        match written {
+            Some(written) if enough => self.in_chunks(out, together, written),
+            _ => {
+                let stride = out.stride;
+                let rows = rows_mut(out).enumerate();
+                rows.for_each_init(Vec::new, |terms, (row, out)| self.row(row, out, stride, terms));
+                let maps = View { data: out.data, shape: out.shape, stride };
+                written.iter().for_each(|written| take(maps, written));
+            }
+        }
+    }
+
+    fn in_chunks(&self, out: &mut ViewMut, together: usize, written: &Written) {
+        let (width, stride) = (out.shape.width, out.stride);
+        let end = (out.shape.pixels() - 1) * stride + out.shape.channels;
+        let blocks = out.data[..end].par_chunks_mut(together * width * stride).enumerate().with_max_len(1);
+        blocks.for_each_init(Vec::new, |terms, (i, block)| {
+            for (j, out) in block.chunks_mut(width * stride).enumerate() {
+                self.row(i * together + j, out, stride, terms);
+            }
+            written(i * together * width, block);
+        });
+    }
+}
+
+fn gcd(a: usize, b: usize) -> usize {
+    if b == 0 { a } else { gcd(b, a % b) }
 }
 
 /// Gradients of all weights by some output rows: each one chain in the order of output pixels.

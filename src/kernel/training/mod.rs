@@ -5,19 +5,25 @@
 
 mod border;
 mod channelwise;
+mod chunks;
 mod conv;
 mod copies;
 mod depthwise;
+mod moments;
 mod multiply;
 mod norm;
+mod norm_gradient;
 mod pool;
 mod runs;
+mod shared;
 mod weight_gradient;
 mod windows;
 
 pub use conv::TrainableConv;
 pub use depthwise::TrainableDepthwise;
-pub use norm::{Gate, NormGradient, Normalization, statistics};
+pub use moments::Moments;
+pub use norm::Normalization;
+pub use norm_gradient::{Gate, GradientSums, NormGradient};
 pub use pool::{average_pool_gradient, max_pool_gradient, max_pool_with_winners};
 
 use super::buffer::Buffer;
@@ -29,8 +35,6 @@ pub struct Scratch {
     floats: Buffer,
     /// Images with their border.
     bordered: Buffer,
-    /// Sums over a batch.
-    sums: Vec<f64>,
 }
 
 #[cfg(test)]

@@ -4,15 +4,17 @@ use std::cell::RefCell;
 
 use rayon::prelude::*;
 
+use super::chunks::{CHUNK, Written, take};
+use super::shared::Shared;
 use super::windows::{Phase, Place, Windows};
 use crate::kernel::buffer::Buffer;
-use crate::kernel::map::ViewMut;
+use crate::kernel::map::{View, ViewMut};
 use crate::kernel::pieces::{Piece, pieces};
 use crate::kernel::simd::Isa;
 use crate::kernel::tile::{Tile, panels, tile_fn, tile_rows};
 
-/// At most as many pixels share one pass over the weights; a multiple of every tile's rows.
-const PIXELS: usize = 192;
+/// At most as many pixels share one pass over the weights.
+const PIXELS: usize = CHUNK;
 /// Tasks for each thread, if there is enough to do: a compromise between evenness and the cost of tasks.
 const TASKS: usize = 4;
 
@@ -61,7 +63,12 @@ pub(super) struct Target<'a> {
     pub accumulate: bool,
 }
 
-impl Target<'_> {
+impl<'a> Target<'a> {
+    /// All pixels of `maps`.
+    pub fn all(maps: ViewMut<'a>, accumulate: bool) -> Self {
+        Self { maps, phases: None, accumulate }
+    }
+
     /// Where pixel `place` of the grid is written, in floats.
     fn at(&self, place: Place, rows: Phase, columns: Phase) -> usize {
         let row = place.image * self.maps.shape.height + rows.first + place.row * rows.stride;
@@ -69,53 +76,33 @@ impl Target<'_> {
     }
 }
 
-/// Memory that tasks write to, each its own part.
-#[derive(Clone, Copy)]
-pub(super) struct Shared(*mut f32);
-
-// SAFETY: it is only an address; who writes through it vouches for the disjointness of what is written
-unsafe impl Send for Shared {}
-// SAFETY: as above
-unsafe impl Sync for Shared {}
-
-impl Shared {
-    pub fn new(floats: &mut [f32]) -> Self {
-        Self(floats.as_mut_ptr())
-    }
-
-    /// The address `at` floats further on.
-    ///
-    /// # Safety
-    /// It lies in the memory that this was made of.
-    pub unsafe fn at(self, at: usize) -> *mut f32 {
-        // SAFETY: the caller vouches for it
-        unsafe { self.0.add(at) }
-    }
-}
-
 /// Sums of the products of `windows` with `weights` (runs · floats of a run rows) into `target`. Runs outside the maps
 /// are read from `outside`.
 ///
-/// Each output is one chain of fused multiply-adds in the order of runs and their floats.
-pub(super) fn multiply(windows: &Windows, outside: &[f32], weights: &Packed, mut target: Target) {
+/// Each output is one chain of fused multiply-adds in the order of runs and their floats. `written` is called for all pixels
+/// of the maps, soon after they were written if that happens in order.
+pub(super) fn multiply(
+    windows: &Windows,
+    outside: &[f32],
+    weights: &Packed,
+    mut target: Target,
+    written: Option<&Written>,
+) {
     let (runs, len) = windows.runs();
     assert!(weights.depth == runs * len && target.maps.shape.channels == weights.columns, "factors of another shape");
     assert!(outside.len() >= len, "too little to read outside the maps");
-    let out = Shared::new(target.maps.data);
-    target.maps.data = &mut [];
+    let data = std::mem::take(&mut target.maps.data);
+    let out = Shared::new(data);
     let task = Task { windows, outside, weights, target: &target, out, pieces: pieces(runs, len) };
-    let panels = panels(weights.isa, weights.columns);
-    // blocks as even as whole tiles allow
-    let blocks = windows.pixels().div_ceil(PIXELS);
-    let pixels = windows.pixels().div_ceil(blocks.max(1)).next_multiple_of(tile_rows(weights.isa));
-    let threads = rayon::current_num_threads();
-    let wanted = if threads == 1 { 1 } else { (TASKS * threads).div_ceil(blocks.max(1)) };
-    let share = panels.len().div_ceil(wanted);
-    let groups: Vec<_> = panels.chunks(share.max(1)).collect();
-    (0..blocks * groups.len())
-        .into_par_iter()
-        .with_max_len(1)
-        .for_each(|i| task.run(i / groups.len() * pixels, pixels, groups[i % groups.len()]));
+    let enough = windows.pixels() >= PIXELS * TASKS * rayon::current_num_threads();
+    match written {
+        Some(written) if enough && target.phases.is_none() => task.in_chunks(written),
+        _ => {
+            task.in_blocks();
+            let maps = View::new(data, target.maps.shape, target.maps.stride);
+            written.iter().for_each(|written| take(maps, written));
+        }
+    }
 }
 
 struct Task<'a> {
@@ -123,11 +110,36 @@ struct Task<'a> {
     outside: &'a [f32],
     weights: &'a Packed<'a>,
     target: &'a Target<'a>,
-    out: Shared,
+    out: Shared<f32>,
     pieces: Vec<Piece>,
 }
 
 impl Task<'_> {
+    /// All panels of all pixels, and what is to be done when pixels have been written.
+    fn in_chunks(&self, written: &Written) {
+        let panels = panels(self.weights.isa, self.weights.columns);
+        (0..self.windows.pixels().div_ceil(CHUNK)).into_par_iter().with_max_len(1).for_each(|i| {
+            self.run(i * CHUNK, CHUNK, &panels);
+            // SAFETY: the pixels lie in the target, and this thread alone writes them
+            written(i * CHUNK, unsafe { self.written(i * CHUNK, CHUNK) });
+        });
+    }
+
+    /// All panels of all pixels, in blocks as even as whole tiles allow.
+    fn in_blocks(&self) {
+        let panels = panels(self.weights.isa, self.weights.columns);
+        let blocks = self.windows.pixels().div_ceil(PIXELS);
+        let pixels = self.windows.pixels().div_ceil(blocks.max(1)).next_multiple_of(tile_rows(self.weights.isa));
+        let threads = rayon::current_num_threads();
+        let wanted = if threads == 1 { 1 } else { (TASKS * threads).div_ceil(blocks.max(1)) };
+        let share = panels.len().div_ceil(wanted);
+        let groups: Vec<_> = panels.chunks(share.max(1)).collect();
+        (0..blocks * groups.len())
+            .into_par_iter()
+            .with_max_len(1)
+            .for_each(|i| self.run(i / groups.len() * pixels, pixels, groups[i % groups.len()]));
+    }
+
     /// Some panels of up to `most` pixels from `first` on.
     fn run(&self, first: usize, most: usize, panels: &[(usize, usize, usize)]) {
         thread_local! {
@@ -150,6 +162,17 @@ impl Task<'_> {
                 }
             }
         });
+    }
+
+    /// Up to `most` pixels of the target from `first` on.
+    ///
+    /// # Safety
+    /// They are written, and by no other thread.
+    unsafe fn written(&self, first: usize, most: usize) -> &[f32] {
+        let (pixels, stride) = (most.min(self.windows.pixels() - first), self.target.maps.stride);
+        let len = (pixels - 1) * stride + self.target.maps.shape.channels;
+        // SAFETY: the target holds that many pixels; the caller vouches for the rest
+        unsafe { std::slice::from_raw_parts(self.out.at(first * stride), len) }
     }
 
     /// One panel of pixels that are not contiguous in the target, by way of `block`.

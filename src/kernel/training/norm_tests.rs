@@ -1,8 +1,7 @@
 use proptest::prelude::*;
 
-use super::norm::{Passing, statistics_with};
-use super::testing::{Maps, on_pools, supported, values};
-use super::{Gate, NormGradient, Normalization, Scratch};
+use super::testing::{Maps, moments_of, on_pools, supported, values};
+use super::{Gate, GradientSums, NormGradient, Normalization};
 use crate::kernel::{Buffer, Isa, Shape, View, ViewMut};
 use crate::rng::stream;
 
@@ -24,7 +23,7 @@ fn statistics_of(isa: Isa, z: &Maps) -> Vec<[Vec<f32>; 2]> {
     on_pools(|| {
         let mut both = [vec![0.0; z.shape.channels], vec![0.0; z.shape.channels]];
         let [mean, variance] = &mut both;
-        statistics_with(isa, z.view(), mean, variance, &mut Scratch::default());
+        moments_of(isa, z.view()).mean_and_variance(mean, variance);
         both
     })
 }
@@ -138,15 +137,17 @@ fn results(isa: Isa, norm: &Norm, shape: Shape, gap: usize, before: Option<&[f32
             Some(_) => Gate::Normalized(forward),
             None => Gate::Open,
         };
-        let gradient = NormGradient { mean: &mean, inverse: &inverse, gamma: &gamma, frozen: norm.frozen.is_some() };
+        let (z, mean, inverse, gamma, frozen) = (z.view(), &mean, &inverse, &gamma, norm.frozen.is_some());
+        let gradient = NormGradient { z, gate, mean, inverse, gamma, frozen };
+        let mut sums = GradientSums::default();
+        gradient.sum_with(isa, dy.view(), &mut sums);
         gradient.backward_with(
             isa,
-            Passing { dy: dy.view(), gate },
-            z.view(),
+            dy.view(),
+            &sums,
             dz.view_mut(),
             Some((by_added.view_mut(), before.is_some())),
             [&mut dgamma, &mut dbeta],
-            &mut Scratch::default(),
         );
         [y.dense(), dz.dense(), by_added.dense(), dgamma, dbeta]
     })
@@ -213,16 +214,11 @@ fn nothing_passes_at_a_bound() {
     let y = Maps::new(&[0.0, 3.0, 6.0], shape, 0);
     let (mut dz, mut dgamma, mut dbeta) = (Maps::new(&[9.0; 3], shape, 0), [0.0], [0.0]);
     let ones = Maps::new(&[1.0; 3], shape, 0);
-    NormGradient { mean: &[0.0], inverse: &[1.0], gamma: &[2.0], frozen: true }.backward(
-        ones.view(),
-        Gate::Outputs(y.view(), (0.0, 6.0)),
-        ones.view(),
-        dz.view_mut(),
-        None,
-        &mut dgamma,
-        &mut dbeta,
-        &mut Scratch::default(),
-    );
+    let gate = Gate::Outputs(y.view(), (0.0, 6.0));
+    let norm = NormGradient { z: ones.view(), gate, mean: &[0.0], inverse: &[1.0], gamma: &[2.0], frozen: true };
+    let mut sums = GradientSums::default();
+    norm.sum(ones.view(), &mut sums);
+    norm.backward(ones.view(), &sums, dz.view_mut(), None, &mut dgamma, &mut dbeta);
     assert_eq!((dz.data, dgamma, dbeta), (vec![0.0, 2.0, 0.0], [1.0], [1.0]));
 }
 
@@ -233,16 +229,17 @@ fn large(isa: Isa, offset: usize) -> Vec<Vec<u32>> {
     let (z, dy) = (values(shape.len(), 2), values(shape.len(), 3));
     let factors = values(shape.channels, 4);
     let norm = Normalization { scale: &factors, shift: &factors, bounds: Some((0.0, 0.5)) };
-    let gradient = NormGradient { mean: &factors, inverse: &factors, gamma: &factors, frozen: false };
     let (z, dy) = (View::new(&z, shape, shape.channels), View::new(&dy, shape, shape.channels));
     let mut maps = [Buffer::zeros(shape.len() + offset), Buffer::zeros(shape.len() + offset)];
     let [y, dz] = maps.each_mut().map(|map| ViewMut::new(&mut map[offset..], shape, shape.channels));
     assert_eq!([y.streamed(), dz.streamed()], [offset == 0; 2]);
     norm.apply_with(isa, z, None, y);
     let mut sums = [vec![0.0; shape.channels], vec![0.0; shape.channels]];
-    let passing = Passing { dy, gate: Gate::Normalized(norm) };
-    let by_vectors = sums.each_mut().map(Vec::as_mut_slice);
-    gradient.backward_with(isa, passing, z, dz, None, by_vectors, &mut Scratch::default());
+    let (mean, inverse, gamma) = (&factors, &factors, &factors);
+    let gradient = NormGradient { z, gate: Gate::Normalized(norm), mean, inverse, gamma, frozen: false };
+    let mut of_chunks = GradientSums::default();
+    gradient.sum_with(isa, dy, &mut of_chunks);
+    gradient.backward_with(isa, dy, &of_chunks, dz, None, sums.each_mut().map(Vec::as_mut_slice));
     maps.iter().map(|map| &map[offset..]).chain(sums.iter().map(|s| &s[..])).map(bits).collect()
 }
 

@@ -1,5 +1,7 @@
 //! What the tests of this module share.
 
+use super::chunks::take;
+use super::{Gate, GradientSums, Moments, NormGradient};
 use crate::kernel::{Isa, Pad, Shape, View, ViewMut, Window};
 use crate::rng::stream;
 use proptest::prelude::*;
@@ -90,4 +92,27 @@ pub(super) fn on_pools<T: Send>(f: impl Fn() -> T + Sync) -> Vec<T> {
 /// Whether f32 sums are those of f64, up to their rounding.
 pub(super) fn close(a: &[f32], b: &[f64]) -> bool {
     a.len() == b.len() && a.iter().zip(b).all(|(a, b)| (f64::from(*a) - b).abs() < 1e-4 * (1.0 + b.abs()))
+}
+
+/// Mean and variance of maps that are written already.
+pub(super) fn moments_of(isa: Isa, z: View) -> Moments {
+    let mut moments = Moments::default();
+    take(z, &moments.begin(isa, z.pixel(0), z.shape.pixels(), z.stride));
+    moments
+}
+
+/// Checks that moments of `y` and sums of `dx` were taken right by an operation with these results.
+pub(super) fn taken_while_writing(isa: Isa, y: View, dx: View, norm: &NormGradient, taken: &(Moments, GradientSums)) {
+    let mut sums = GradientSums::default();
+    norm.sum_with(isa, dx, &mut sums);
+    assert_eq!(
+        (format!("{:?}", moments_of(isa, y)), format!("{sums:?}")),
+        (format!("{:?}", taken.0), format!("{:?}", taken.1))
+    );
+}
+
+/// A batch norm that would make maps of the shape of `z`, of which half the gradients pass.
+pub(super) fn norm_of<'a>(z: View<'a>, vector: &'a [f32]) -> NormGradient<'a> {
+    let gate = Gate::Outputs(z, (0.0, f32::INFINITY));
+    NormGradient { z, gate, mean: vector, inverse: vector, gamma: vector, frozen: false }
 }

@@ -10,7 +10,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::copies::{Gradients, Inputs, Tiling};
-use super::multiply::Shared;
+use super::shared::Shared;
 use crate::kernel::map::{View, Window};
 use crate::kernel::simd::Isa;
 use crate::kernel::tile::{Tile, panels, tile_fn};
@@ -109,7 +109,7 @@ impl<'a> WeightGradient<'a> {
             .unwrap_or((1, 1))
     }
 
-    fn task(&self, part: &Part, copies: &mut Copies, dw: Shared, accumulate: bool) {
+    fn task(&self, part: &Part, copies: &mut Copies, dw: Shared<f32>, accumulate: bool) {
         let Tiling { rows: tile_rows, .. } = self.tiling;
         let taps = self.tiling.taps();
         let rows = if self.dy.shape.is_empty() { 0 } else { self.dy.shape.images * self.dy.shape.height };
@@ -132,7 +132,15 @@ impl<'a> WeightGradient<'a> {
     }
 
     /// Adds the products of output rows `block` to the gradients of a part; the first copied tile is `first_tile`.
-    fn multiply(&self, block: Range<usize>, first_tile: usize, part: &Part, copies: &Copies, dw: Shared, resume: bool) {
+    fn multiply(
+        &self,
+        block: Range<usize>,
+        first_tile: usize,
+        part: &Part,
+        copies: &Copies,
+        dw: Shared<f32>,
+        resume: bool,
+    ) {
         let Tiling { rows, inputs, columns, step, .. } = self.tiling;
         let (taps, outputs) = (self.tiling.taps(), self.dy.shape.channels);
         for (i, &(first, width, vectors)) in part.panels.iter().enumerate() {

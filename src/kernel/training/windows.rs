@@ -125,6 +125,12 @@ impl<'a> Windows<'a> {
         }
     }
 
+    /// That of the first pixel alone.
+    pub fn first(&self) -> Self {
+        let shape = Shape { images: 1, ..self.maps.shape };
+        Self { maps: View { shape, ..self.maps }, grid: (1, 1), ..*self }
+    }
+
     /// Number of runs of a window, and floats of each.
     pub fn runs(&self) -> (usize, usize) {
         (self.size.0 * self.size.1, self.len)
