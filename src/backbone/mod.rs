@@ -11,6 +11,7 @@ mod export;
 mod files;
 mod graph;
 mod inception_v3;
+mod layer_work;
 mod load;
 mod mobilenet_v1;
 mod network;

@@ -22,8 +22,9 @@ pub(super) struct PlannedStep {
 pub(super) struct Plan {
     pub values: Vec<MapShape>,
     pub steps: Vec<PlannedStep>,
-    /// For each step, the step of a layer whose output has all of its gradient when this one's input has got its part.
-    pub completes: Vec<Option<usize>>,
+    /// For each step, the layer (its step and number) whose output has all of its gradient when this step's input has got its
+    /// part.
+    pub completes: Vec<Option<(usize, usize)>>,
     /// Value of each of the graph's taps.
     pub taps: Vec<Value>,
     /// Buffer in which each value's gradient is kept while it is needed; that of the input never is.
@@ -65,14 +66,15 @@ fn note_taps(graph: &Graph, steps: usize, value_of: &[Option<Value>], taps: &mut
 }
 
 /// [`Plan::completes`]: going backwards, the first reader of a value comes last. Only one step may make the value.
-fn completes(steps: &[PlannedStep]) -> Vec<Option<usize>> {
+fn completes(steps: &[PlannedStep]) -> Vec<Option<(usize, usize)>> {
     let of = |(i, step): (usize, &PlannedStep)| {
         let value = step.input;
         let reads = |step: &PlannedStep| step.input == value || step.added == Some(value);
         let mut makers = (0..i).filter(|m| steps[*m].output == value);
-        let maker = makers.next().filter(|m| matches!(steps[*m].action, Action::Layer(_)))?;
+        let maker = makers.next()?;
+        let Action::Layer(layer) = steps[maker].action else { return None };
         let alone = makers.next().is_none() && step.added != Some(value) && !steps[..i].iter().any(reads);
-        alone.then_some(maker)
+        alone.then_some((maker, layer))
     };
     steps.iter().enumerate().map(of).collect()
 }
@@ -142,7 +144,7 @@ mod tests {
         for (i, step) in plan.steps.iter().enumerate() {
             let mut readers =
                 (0..).zip(&plan.steps).filter(|(_, s)| s.input == step.output || s.added == Some(step.output));
-            let completed = plan.completes.iter().position(|c| *c == Some(i));
+            let completed = plan.completes.iter().position(|c| c.is_some_and(|(maker, _)| maker == i));
             let first = readers.next().filter(|(_, reader)| reader.input == step.output);
             let expected = first.filter(|_| matches!(step.action, Action::Layer(_))).map(|(reader, _)| reader);
             assert_eq!(completed, expected, "step {i}");
@@ -151,7 +153,7 @@ mod tests {
         let plan = self::plan(Architecture::InceptionV3, 75, "mixed_5b");
         let joined = plan.steps.last().unwrap().output;
         let branches = (0..).zip(&plan.steps).filter(|(_, s)| s.output == joined).map(|(i, _)| i);
-        assert!(branches.into_iter().all(|i: usize| !plan.completes.contains(&Some(i))));
+        assert!(branches.into_iter().all(|i: usize| !plan.completes.iter().flatten().any(|(maker, _)| *maker == i)));
     }
 
     #[test]

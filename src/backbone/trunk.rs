@@ -4,14 +4,14 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::graph::{Action, Graph, Layer, MapShape};
+use super::graph::{Action, Graph, MapShape};
+use super::layer_work::LayerWork;
 use super::parameters::{Norm, Parameters};
 use super::plan::{Plan, PlannedStep, Value};
 use super::pooling::Pooling;
 use crate::kernel::{
-    Buffer, Gate, GradientSums, Moments, NormGradient, Normalization, Scratch, Shape, TrainableConv,
-    TrainableDepthwise, View, ViewMut, Window, average_pool, average_pool_gradient, isa, max_pool_gradient,
-    max_pool_with_winners,
+    Buffer, Gate, GradientSums, Moments, NormGradient, Scratch, Shape, View, ViewMut, Window, average_pool,
+    average_pool_gradient, isa, max_pool_gradient, max_pool_with_winners,
 };
 
 /// Share of a batch's statistics in the running ones after a step; PyTorch's default.
@@ -27,86 +27,6 @@ pub(super) struct Span {
     pub mean: Range<usize>,
     /// Among the running statistics.
     pub variance: Range<usize>,
-}
-
-/// One layer's kernels, and what its backward pass needs of its forward pass.
-#[derive(Debug)]
-struct LayerWork {
-    kernel: LayerKernel,
-    /// Output of the convolution.
-    z: Buffer,
-    /// Of each channel of `z`, over the batch.
-    mean: Vec<f32>,
-    /// 1/√(variance + ε) of each channel of `z`.
-    inverse_sd: Vec<f32>,
-    /// The batch norm of the batch as a factor and an offset of each channel of `z`.
-    factor: Vec<f32>,
-    offset: Vec<f32>,
-    /// Of the gradient of the output, if it is complete and they were taken.
-    sums: GradientSums,
-    summed: bool,
-}
-
-#[derive(Debug)]
-enum LayerKernel {
-    Dense(TrainableConv),
-    Depthwise(TrainableDepthwise),
-}
-
-impl LayerWork {
-    fn new(layer: &Layer) -> Self {
-        let kernel = if layer.depthwise {
-            LayerKernel::Depthwise(TrainableDepthwise::new(layer.window, layer.outputs))
-        } else {
-            LayerKernel::Dense(TrainableConv::new(layer.window, layer.inputs, layer.outputs))
-        };
-        let channels = || vec![0.0; layer.outputs];
-        Self {
-            kernel,
-            z: Buffer::default(),
-            mean: channels(),
-            inverse_sd: channels(),
-            factor: channels(),
-            offset: channels(),
-            sums: GradientSums::default(),
-            summed: false,
-        }
-    }
-    fn normalization(&self, bounds: Option<(f32, f32)>) -> Normalization<'_> {
-        Normalization { scale: &self.factor, shift: &self.offset, bounds }
-    }
-}
-
-impl LayerKernel {
-    fn forward(&self, x: View, weights: &[f32], z: ViewMut, moments: &mut Moments, scratch: &mut Scratch) {
-        match self {
-            LayerKernel::Dense(conv) => conv.forward(x, weights, z, moments, scratch),
-            LayerKernel::Depthwise(conv) => conv.forward(x, weights, z, moments),
-        }
-    }
-
-    fn by_input(
-        &self,
-        by_z: View,
-        weights: &[f32],
-        by_x: ViewMut,
-        accumulate: bool,
-        sums: Option<(&NormGradient, &mut GradientSums)>,
-        scratch: &mut Scratch,
-    ) {
-        match self {
-            LayerKernel::Dense(conv) => conv.by_input(by_z, weights, by_x, accumulate, sums, scratch),
-            LayerKernel::Depthwise(conv) => conv.by_input(by_z, weights, by_x, accumulate, sums),
-        }
-    }
-
-    /// Adds to the gradient by the weights.
-    fn by_weights(&self, x: View, by_z: View, by_weights: &mut [f32], scratch: &mut Scratch) {
-        match self {
-            LayerKernel::Dense(conv) => conv.by_weights(x, by_z, by_weights, true, scratch),
-            LayerKernel::Depthwise(conv) => conv.by_weights(x, by_z, by_weights, true, scratch),
-        }
-    }
 }
 
 /// The trained part of a backbone: a graph, its numbers, and the memory of a step, which is kept from step to step.
@@ -384,66 +304,65 @@ impl Trunk {
 
     fn layer_backward(&mut self, parameters: &[f32], i: usize, number: usize) {
         let step = self.plan.steps[i];
-        let (part, stride) = (self.part(&step), self.shape(step.output).channels);
-        let span = self.spans[number].clone();
         let by_y = std::mem::take(&mut self.gradients[self.plan.gradient_of[step.output]]);
-        let mut by_added = step.added.filter(|v| *v != 0).map(|v| self.take_gradient(v));
-        let mut by_z = std::mem::take(&mut self.by_z);
-        let mut gradient = std::mem::take(&mut self.gradient);
-        let mut scratch = std::mem::take(&mut self.scratch);
-        let mut sums = std::mem::take(&mut self.layers[number].sums);
-        by_z.resize(part.len());
-
-        let work = &self.layers[number];
-        let added =
-            by_added.as_mut().map(|(buffer, accumulate)| (ViewMut::new(buffer, part, part.channels), *accumulate));
-        let norm = self.norm_gradient(parameters, &step, number);
-        let by_y_part = View::new(&by_y[step.channel..], part, stride);
-        if !work.summed {
-            norm.sum(by_y_part, &mut sums);
-        }
-        let by_z_part = ViewMut::new(&mut by_z, part, part.channels);
-        let mut by_norm = [vec![0.0; part.channels], vec![0.0; part.channels]];
-        let [by_scale, by_shift] = &mut by_norm;
-        norm.backward(by_y_part, &sums, by_z_part, added, by_scale, by_shift);
-        add(&mut gradient[span.scale], by_scale);
-        add(&mut gradient[span.shift], by_shift);
-
-        let by_z_part = View::new(&by_z, part, part.channels);
-        work.kernel.by_weights(self.view(step.input), by_z_part, &mut gradient[span.weights.clone()], &mut scratch);
-        self.layers[number].sums = sums;
-        if step.input != 0 {
-            self.by_input(parameters, i, number, by_z_part, &mut scratch);
-        }
-
+        let maker = self.plan.completes[i].map(|(_, maker)| maker);
+        let mut taken = Taken {
+            by_added: step.added.filter(|v| *v != 0).map(|v| self.take_gradient(v)),
+            by_x: Some(step.input).filter(|v| *v != 0).map(|v| self.take_gradient(v)),
+            by_z: std::mem::take(&mut self.by_z),
+            by_parameters: std::mem::take(&mut self.gradient),
+            sums: std::mem::take(&mut self.layers[number].sums),
+            sums_of_maker: maker.map(|m| std::mem::take(&mut self.layers[m].sums)).unwrap_or_default(),
+            scratch: std::mem::take(&mut self.scratch),
+        };
+        self.layer_gradients(parameters, i, number, &by_y, &mut taken);
+        let Taken { by_added, by_x, by_z, by_parameters, sums, sums_of_maker, scratch } = taken;
         if let (Some(value), Some((buffer, _))) = (step.added, by_added) {
             self.put_gradient(value, buffer);
         }
+        if let Some((buffer, _)) = by_x {
+            self.put_gradient(step.input, buffer);
+        }
+        self.layers[number].sums = sums;
+        if let Some(maker) = maker {
+            (self.layers[maker].sums, self.layers[maker].summed) = (sums_of_maker, true);
+        }
         self.gradients[self.plan.gradient_of[step.output]] = by_y;
-        (self.by_z, self.gradient, self.scratch) = (by_z, gradient, scratch);
+        (self.by_z, self.gradient, self.scratch) = (by_z, by_parameters, scratch);
     }
 
-    /// Writes the derivative by a layer's input.
-    fn by_input(&mut self, parameters: &[f32], i: usize, number: usize, by_z: View, scratch: &mut Scratch) {
-        let input = self.plan.steps[i].input;
-        let (mut by_x, accumulate) = self.take_gradient(input);
-        let shape = self.shape(input);
-        let out = ViewMut::new(&mut by_x, shape, shape.channels);
-        let completed = self.plan.completes[i].map(|maker| self.plan.steps[maker]);
-        let maker = completed.and_then(|step| match step.action {
-            Action::Layer(maker) => Some((step, maker)),
-            Action::MaxPool(_) | Action::AveragePool(_) => None,
-        });
-        let mut sums = maker.map(|(_, maker)| std::mem::take(&mut self.layers[maker].sums)).unwrap_or_default();
-        let norm = maker.map(|(step, maker)| self.norm_gradient(parameters, &step, maker));
-        let weights = &parameters[self.spans[number].weights.clone()];
-        let kernel = &self.layers[number].kernel;
-        kernel.by_input(by_z, weights, out, accumulate, norm.as_ref().map(|norm| (norm, &mut sums)), scratch);
-        if let Some((_, maker)) = maker {
-            let LayerWork { sums: of_maker, summed, .. } = &mut self.layers[maker];
-            (*of_maker, *summed) = (sums, true);
+    /// Derivatives by a layer's parameters, by its input and by what was added, given that by its output.
+    fn layer_gradients(&self, parameters: &[f32], i: usize, number: usize, by_y: &Buffer, taken: &mut Taken) {
+        let step = self.plan.steps[i];
+        let (part, stride) = (self.part(&step), self.shape(step.output).channels);
+        let (work, span) = (&self.layers[number], &self.spans[number]);
+        let norm = self.norm_gradient(parameters, &step, number);
+        let by_y = View::new(&by_y[step.channel..], part, stride);
+        if !work.summed {
+            norm.sum(by_y, &mut taken.sums);
         }
-        self.put_gradient(input, by_x);
+        let mut by_norm = [vec![0.0; part.channels], vec![0.0; part.channels]];
+        let [by_scale, by_shift] = &mut by_norm;
+        taken.by_z.resize(part.len());
+        let by_z = ViewMut::new(&mut taken.by_z, part, part.channels);
+        let by_added =
+            taken.by_added.as_mut().map(|(map, accumulate)| (ViewMut::new(map, part, part.channels), *accumulate));
+        norm.backward(by_y, &taken.sums, by_z, by_added, by_scale, by_shift);
+        add(&mut taken.by_parameters[span.scale.clone()], by_scale);
+        add(&mut taken.by_parameters[span.shift.clone()], by_shift);
+
+        let x = self.view(step.input);
+        let by_z = View::new(&taken.by_z, part, part.channels);
+        let by_weights = &mut taken.by_parameters[span.weights.clone()];
+        work.kernel.by_weights(x, by_z, by_weights, &mut taken.scratch);
+        if let Some((by_x, accumulate)) = &mut taken.by_x {
+            let by_x = ViewMut::new(by_x, x.shape(), x.shape().channels);
+            let maker = self.plan.completes[i].map(|(step, maker)| (self.plan.steps[step], maker));
+            let norm = maker.map(|(step, maker)| self.norm_gradient(parameters, &step, maker));
+            let sums = norm.as_ref().map(|norm| (norm, &mut taken.sums_of_maker));
+            let weights = &parameters[span.weights.clone()];
+            work.kernel.by_input(by_z, weights, by_x, *accumulate, sums, &mut taken.scratch);
+        }
     }
 
     /// The gradient of a layer's batch norm and activation.
@@ -489,6 +408,21 @@ impl Trunk {
         self.gradients[self.plan.gradient_of[value]] = buffer;
         self.written[value] = true;
     }
+}
+
+/// What a layer's way back writes to, while it reads the rest of the trunk.
+struct Taken {
+    /// Gradient by what was added, and whether something stands in it.
+    by_added: Option<(Buffer, bool)>,
+    /// Gradient by the input, and whether something stands in it.
+    by_x: Option<(Buffer, bool)>,
+    /// Gradient by the convolution's output.
+    by_z: Buffer,
+    by_parameters: Vec<f32>,
+    sums: GradientSums,
+    /// Those of the layer whose output's gradient gets complete.
+    sums_of_maker: GradientSums,
+    scratch: Scratch,
 }
 
 fn add(sums: &mut [f32], values: &[f32]) {

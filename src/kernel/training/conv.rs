@@ -1,5 +1,7 @@
 //! A convolution whose weights change: forward, and both gradients.
 
+use rayon::prelude::*;
+
 use super::Scratch;
 use super::border::contiguous;
 use super::chunks::Written;
@@ -7,7 +9,7 @@ use super::moments::Moments;
 use super::multiply::{Packed, Target, multiply};
 use super::norm_gradient::{GradientSums, NormGradient};
 use super::weight_gradient::WeightGradient;
-use super::windows::{Axis, Phase, Windows};
+use super::windows::{Axis, Phase, Windows, rows_mut};
 use crate::kernel::buffer::Buffer;
 use crate::kernel::map::{Shape, View, ViewMut, Window};
 use crate::kernel::simd::{Isa, isa};
@@ -112,13 +114,18 @@ impl TrainableConv {
                 None => self.by_phase(dy, weights, phases, target, None, scratch),
             };
         }
-        for y in 0..self.window.stride {
-            for x in 0..self.window.stride {
-                let phases = (rows.phase(y, shape.height), columns.phase(x, shape.width));
-                let maps = ViewMut { data: &mut *data, shape, stride };
-                let target = Target { maps, phases: Some(phases), accumulate };
-                self.by_phase(dy, weights, phases, target, None, scratch);
-            }
+        let phases = |axis: Axis, size: usize| {
+            (0..axis.stride).map(move |remainder| axis.phase(remainder, size)).partition(|phase| phase.taps > 0)
+        };
+        let (rows, no_rows): (Vec<_>, Vec<_>) = phases(rows, shape.height);
+        let (columns, no_columns): (Vec<_>, Vec<_>) = phases(columns, shape.width);
+        if !accumulate && !(no_rows.is_empty() && no_columns.is_empty()) {
+            clear(ViewMut { data: &mut *data, shape, stride });
+        }
+        for phases in rows.iter().flat_map(|rows| columns.iter().map(|columns| (*rows, *columns))) {
+            let maps = ViewMut { data: &mut *data, shape, stride };
+            let target = Target { maps, phases: Some(phases), accumulate };
+            self.by_phase(dy, weights, phases, target, None, scratch);
         }
         if let Some((norm, sums)) = sums {
             norm.sum_with(self.isa, View { data, shape, stride }, sums);
@@ -158,4 +165,15 @@ impl TrainableConv {
         let (x, window) = contiguous(x, self.window, &mut scratch.bordered);
         WeightGradient::new(self.isa, window, x, dy).run(dw, accumulate);
     }
+}
+
+fn clear(mut maps: ViewMut) {
+    let (channels, stride) = (maps.shape.channels, maps.stride);
+    rows_mut(&mut maps).for_each(|row| {
+        if channels == stride {
+            row.fill(0.0);
+        } else {
+            row.chunks_mut(stride).for_each(|pixel| pixel[..channels].fill(0.0));
+        }
+    });
 }
