@@ -119,7 +119,8 @@ impl TrainableConv {
         };
         let (rows, no_rows): (Vec<_>, Vec<_>) = phases(rows, shape.height);
         let (columns, no_columns): (Vec<_>, Vec<_>) = phases(columns, shape.width);
-        if !accumulate && !(no_rows.is_empty() && no_columns.is_empty()) {
+        let all_reached = no_rows.is_empty() && no_columns.is_empty();
+        if !(accumulate || all_reached) {
             clear(ViewMut { data: &mut *data, shape, stride });
         }
         for phases in rows.iter().flat_map(|rows| columns.iter().map(|columns| (*rows, *columns))) {
