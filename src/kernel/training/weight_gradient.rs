@@ -146,7 +146,7 @@ impl<'a> WeightGradient<'a> {
         for (i, &(first, width, vectors)) in part.panels.iter().enumerate() {
             let kernel = tile_fn(self.isa, vectors);
             let (panel, panel_stride) = if self.in_place {
-                (&self.dy.pixel(block.start * self.dy.shape.width)[first..], self.dy.stride)
+                (&self.dy.data[block.start * self.dy.shape.width * self.dy.stride + first..], self.dy.stride)
             } else {
                 (copies.gradients.panel(i), vectors * self.isa.lanes())
             };
