@@ -97,6 +97,7 @@ impl NormGradient<'_> {
         let channels = self.z.shape.channels;
         [dy.shape, dz.shape].into_iter().chain(by_added.as_ref().map(|b| b.0.shape)).for_each(|s| self.check(s));
         assert!(dgamma.len() == channels && dbeta.len() == channels, "other numbers of channels");
+        assert!(sums.sums.len() == self.z.shape.pixels().div_ceil(CHUNK) * 2 * channels, "sums of another shape");
         let totals = total(&sums.sums, 2 * channels);
         let (sums, products) = totals.split_at(channels);
         for c in 0..channels {
