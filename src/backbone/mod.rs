@@ -171,7 +171,7 @@ impl Backbone {
         let dim = self.dim();
         let mut features = vec![0.0; n * dim];
         let groups = images.par_chunks(GROUP * len).zip(features.par_chunks_mut(GROUP * dim));
-        groups.for_each(|(images, out)| {
+        groups.with_max_len(1).for_each(|(images, out)| {
             let mut workspace = self.spare().pop().unwrap_or_default();
             self.network.features(Input::Images(images), &mut workspace, out);
             self.spare().push(workspace);

@@ -2,8 +2,6 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
-
 use super::graph::{Action, Graph, MapShape};
 use super::layer_work::LayerWork;
 use super::parameters::{Norm, Parameters};
@@ -11,7 +9,7 @@ use super::plan::{Plan, PlannedStep, Value};
 use super::pooling::Pooling;
 use crate::kernel::{
     Buffer, Gate, GradientSums, Moments, NormGradient, Scratch, Shape, View, ViewMut, Window, average_pool,
-    average_pool_gradient, isa, max_pool_gradient, max_pool_with_winners,
+    average_pool_gradient, each_part, isa, max_pool_gradient, max_pool_with_winners,
 };
 
 /// Share of a batch's statistics in the running ones after a step; PyTorch's default.
@@ -230,9 +228,9 @@ impl Trunk {
     fn average_pool_forward(&self, step: &PlannedStep, window: Window, output: &mut Buffer) {
         let (input, part) = (Shape { images: 1, ..self.shape(step.input) }, Shape { images: 1, ..self.part(step) });
         let stride = self.shape(step.output).channels;
-        let images = self.values[step.input].par_chunks(input.len()).zip(output.par_chunks_mut(part.pixels() * stride));
-        images.for_each(|(x, out)| {
-            let x = View::new(x, input, input.channels);
+        let maps = &self.values[step.input];
+        each_part(output, part.pixels() * stride, |i, out| {
+            let x = View::new(&maps[i * input.len()..][..input.len()], input, input.channels);
             let out = ViewMut::new(&mut out[step.channel..], part, stride);
             average_pool(isa(), window, self.graph.average_counts_padding, x, out);
         });
@@ -241,7 +239,7 @@ impl Trunk {
     fn pooled(&self) -> Vec<f32> {
         let dim = self.dim();
         let mut features = vec![0.0; dim * self.images];
-        features.par_chunks_mut(dim).enumerate().for_each(|(image, row)| {
+        each_part(&mut features, dim, |image, row| {
             let mut rest = row;
             for (value, pooling) in self.plan.taps.iter().zip(&self.poolings) {
                 let (own, after) = rest.split_at_mut(pooling.len(self.plan.values[*value].channels));
@@ -258,7 +256,7 @@ impl Trunk {
         /// Derivatives that a thread clears at a time.
         const PART: usize = 1 << 18;
         if anew {
-            self.gradient.par_chunks_mut(PART).for_each(|part| part.fill(0.0));
+            each_part(&mut self.gradient, PART, |_, part| part.fill(0.0));
         }
         for (buffer, size) in self.gradients.iter_mut().zip(&self.plan.gradient_sizes) {
             buffer.resize(size * self.images);
@@ -294,8 +292,9 @@ impl Trunk {
             if value != 0 {
                 let accumulate = self.written[value];
                 let buffer = &mut self.gradients[self.plan.gradient_of[value]][..shape.len()];
-                let images = buffer.par_chunks_mut(shape.len() / self.images).zip(by_features.par_chunks(dim));
-                images.for_each(|(map, row)| pooling.unpool(&row[first..first + len], map, accumulate));
+                each_part(buffer, shape.len() / self.images, |i, map| {
+                    pooling.unpool(&by_features[i * dim + first..][..len], map, accumulate);
+                });
                 self.written[value] = true;
             }
             first += len;

@@ -10,6 +10,7 @@ use super::network::{Input, Network, Preprocessor, Workspace};
 use super::trunk::{Span, Trunk};
 use super::{Error, GROUP, Variant, WeightsSource, export, fold, graph_of, load, tapped};
 use crate::config::spec::{BackboneSpec, Tune};
+use crate::kernel::{each_of, lead};
 use crate::store;
 
 /// Writes one image's input: features that come from the front, and the map that the trained part begins with.
@@ -158,17 +159,15 @@ impl Tunable {
         let early_len = self.intake.early_len();
         self.images = images;
         self.early.resize(images * early_len, 0.0);
-        let maps = self.trunk.begin(images).par_chunks_mut(self.intake.map_len).enumerate();
-        if early_len == 0 {
-            maps.for_each(|(i, map)| fill(i, &mut [], map));
-        } else {
-            maps.zip(self.early.par_chunks_mut(early_len)).for_each(|((i, map), early)| fill(i, early, map));
-        }
+        let maps = self.trunk.begin(images).chunks_mut(self.intake.map_len);
+        let mut early = self.early.chunks_mut(early_len.max(1));
+        let mut inputs: Vec<_> = maps.map(|map| (map, early.next().unwrap_or_default())).collect();
+        each_of(&mut inputs, |i, (map, early)| fill(i, early, map));
     }
 
     /// Features of the images taken in, batch norms with the statistics of these images: images × [`dim`](Tunable::dim).
     pub(crate) fn forward(&mut self, parameters: &[f32]) -> Vec<f32> {
-        let late = self.trunk.forward(parameters);
+        let late = lead(|| self.trunk.forward(parameters));
         joined(&self.early, &late, self.images)
     }
 
@@ -176,7 +175,7 @@ impl Tunable {
     pub(crate) fn backward(&mut self, parameters: &[f32], by_features: &[f32], anew: bool) {
         let (early_len, dim) = (self.intake.early_len(), self.dim());
         let late: Vec<f32> = by_features.chunks_exact(dim).flat_map(|row| &row[early_len..]).copied().collect();
-        self.trunk.backward(parameters, &late, anew);
+        lead(|| self.trunk.backward(parameters, &late, anew));
     }
 
     /// Derivatives by the parameters.
@@ -255,7 +254,8 @@ impl Tuned {
         let (early_len, map_len, late_len) = (self.early_len, self.network.graph.map_len(0), self.network.dim());
         let dim = early_len + late_len;
         let mut features = vec![0.0; n * dim];
-        features.par_chunks_mut(GROUP * dim).enumerate().for_each_init(Memory::default, |memory, (group, rows)| {
+        let groups = features.par_chunks_mut(GROUP * dim).enumerate().with_max_len(1);
+        groups.for_each_init(Memory::default, |memory, (group, rows)| {
             let images = rows.len() / dim;
             memory.maps.resize(images * map_len, 0.0);
             memory.late.resize(images * late_len, 0.0);

@@ -84,6 +84,12 @@ impl<'a> ViewMut<'a> {
         self.shape.len() >= STREAMED && aligned && whole
     }
 
+    /// Its floats, from the first pixel to the last.
+    pub(super) fn floats(&mut self) -> &mut [f32] {
+        let before_last = self.shape.pixels().saturating_sub(1) * self.stride;
+        &mut self.data[..before_last + self.shape.channels.min(self.shape.len())]
+    }
+
     /// Maps of `shape` in `data`, pixels `stride` apart.
     ///
     /// # Panics

@@ -11,6 +11,7 @@ mod product;
 mod simd;
 mod slices;
 mod stencil;
+mod team;
 mod tile;
 mod training;
 mod transpose;
@@ -24,6 +25,7 @@ pub use simd::{Isa, IsaError, check_isa, isa, prefetch};
 pub(crate) use slices::per_isa;
 pub use slices::{add_rows, inverse, inverse_root, products, sigmoid, sum_of_squares, tanh, times};
 pub use stencil::{Depthwise, average_pool, max_pool};
+pub(crate) use team::{each_of, each_part, lead};
 pub use training::{
     Gate, GradientSums, Moments, NormGradient, Normalization, Scratch, TrainableConv, TrainableDepthwise,
     average_pool_gradient, max_pool_gradient, max_pool_with_winners,

@@ -1,9 +1,8 @@
 //! Images with a border of zeros.
 
-use rayon::prelude::*;
-
 use crate::kernel::buffer::Buffer;
 use crate::kernel::map::{Pad, Shape, View, Window};
+use crate::kernel::team::each_part;
 
 /// Fewer channels than this fill no tile and make runs of a few floats, unless a row of the window is one run.
 const FEW: usize = 6;
@@ -23,7 +22,7 @@ fn bordered<'a>(x: View, pad: Pad, copy: &'a mut Buffer) -> View<'a> {
     let (rows, columns) = (height + pad.top + pad.bottom, width + pad.left + pad.right);
     let shape = Shape { height: rows, width: columns, ..x.shape };
     copy.resize(shape.len());
-    copy.par_chunks_mut(columns * channels).enumerate().for_each(|(i, row)| {
+    each_part(&mut copy[..], columns * channels, |i, row| {
         let (image, y) = (i / rows, (i % rows).wrapping_sub(pad.top));
         if y >= height {
             return row.fill(0.0);

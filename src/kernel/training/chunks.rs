@@ -1,14 +1,10 @@
 //! Sums over pixels that do not depend on how work is shared: they are made of those of chunks of a fixed size.
 
-use rayon::prelude::*;
-
-use super::shared::Shared;
 use crate::kernel::map::View;
+use crate::kernel::team::{Shared, each};
 
 /// Pixels whose sums are made in one go; a sum over all pixels adds up those of these chunks, in order and in f64.
 pub(super) const CHUNK: usize = 128;
-/// Chunks that a thread takes at a time: few, so that no thread waits long for another one at the end.
-pub(super) const LEAF: usize = 4;
 
 /// What is done with pixels that were just written, while they stand in the caches: it is given the number of the first one,
 /// a multiple of [`CHUNK`], and the floats from there to the last one's.
@@ -48,7 +44,7 @@ impl<T: Send + Default + Clone> ChunkSums<T> {
 /// Does what is to be done with all pixels of `maps`.
 pub(super) fn take(maps: View, written: &Written) {
     let pixels = maps.shape.pixels();
-    (0..pixels.div_ceil(CHUNK)).into_par_iter().with_max_len(LEAF).for_each(|chunk| {
+    each(pixels.div_ceil(CHUNK), |chunk| {
         let (first, end) = (chunk * CHUNK, pixels.min((chunk + 1) * CHUNK));
         written(first, &maps.data[first * maps.stride..][..(end - first - 1) * maps.stride + maps.shape.channels]);
     });

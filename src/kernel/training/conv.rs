@@ -1,7 +1,5 @@
 //! A convolution whose weights change: forward, and both gradients.
 
-use rayon::prelude::*;
-
 use super::Scratch;
 use super::border::contiguous;
 use super::chunks::Written;
@@ -13,6 +11,7 @@ use super::windows::{Axis, Phase, Windows, rows_mut};
 use crate::kernel::buffer::Buffer;
 use crate::kernel::map::{Shape, View, ViewMut, Window};
 use crate::kernel::simd::{Isa, isa};
+use crate::kernel::team::each_of;
 use crate::kernel::transpose::transpose_apart;
 
 /// A convolution that is given its weights (window row × window column × inputs × outputs) at each call.
@@ -170,7 +169,8 @@ impl TrainableConv {
 
 fn clear(mut maps: ViewMut) {
     let (channels, stride) = (maps.shape.channels, maps.stride);
-    rows_mut(&mut maps).for_each(|row| {
+    let mut rows: Vec<_> = rows_mut(&mut maps).collect();
+    each_of(&mut rows, |_, row| {
         if channels == stride {
             row.fill(0.0);
         } else {

@@ -2,8 +2,6 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
-
 use super::Scratch;
 use super::channelwise::{Sum, Weights};
 use super::chunks::{CHUNK, Written, take};
@@ -14,6 +12,7 @@ use super::windows::rows_mut;
 use crate::kernel::dispatch::{Work, dispatch, load, store};
 use crate::kernel::map::{Shape, View, ViewMut, Window};
 use crate::kernel::simd::{Isa, Simd, isa};
+use crate::kernel::team::{each_of, each_part};
 
 /// Output rows whose gradients by the weights are summed in one chain.
 const ROWS: usize = 8;
@@ -114,7 +113,7 @@ impl TrainableDepthwise {
         if dw.is_empty() {
             return;
         }
-        scratch.floats.par_chunks_mut(dw.len()).enumerate().for_each(|(i, dw)| {
+        each_part(&mut scratch.floats, dw.len(), |i, dw| {
             let rows = i * ROWS..rows.min((i + 1) * ROWS);
             dispatch(self.isa, ByWeights { window: self.window, x, dy, rows, dw });
         });
@@ -157,8 +156,8 @@ impl Sums<'_> {
             Some(written) if enough => self.in_chunks(out, together, written),
             _ => {
                 let stride = out.stride;
-                let rows = rows_mut(out).enumerate();
-                rows.for_each_init(Vec::new, |terms, (row, out)| self.row(row, out, stride, terms));
+                let mut rows: Vec<_> = rows_mut(out).collect();
+                each_of(&mut rows, |row, out| self.row(row, out, stride, &mut Vec::new()));
                 let maps = View { data: out.data, shape: out.shape, stride };
                 written.iter().for_each(|written| take(maps, written));
             }
@@ -167,11 +166,10 @@ impl Sums<'_> {
 
     fn in_chunks(&self, out: &mut ViewMut, together: usize, written: &Written) {
         let (width, stride) = (out.shape.width, out.stride);
-        let end = (out.shape.pixels() - 1) * stride + out.shape.channels;
-        let blocks = out.data[..end].par_chunks_mut(together * width * stride).enumerate().with_max_len(1);
-        blocks.for_each_init(Vec::new, |terms, (i, block)| {
+        each_part(out.floats(), together * width * stride, |i, block| {
+            let mut terms = Vec::new();
             for (j, out) in block.chunks_mut(width * stride).enumerate() {
-                self.row(i * together + j, out, stride, terms);
+                self.row(i * together + j, out, stride, &mut terms);
             }
             written(i * together * width, block);
         });

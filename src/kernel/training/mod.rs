@@ -15,7 +15,6 @@ mod norm;
 mod norm_gradient;
 mod pool;
 mod runs;
-mod shared;
 mod weight_gradient;
 mod windows;
 

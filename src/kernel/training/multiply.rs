@@ -2,15 +2,14 @@
 
 use std::cell::RefCell;
 
-use rayon::prelude::*;
-
 use super::chunks::{CHUNK, Written, take};
-use super::shared::Shared;
+
 use super::windows::{Phase, Place, Windows};
 use crate::kernel::buffer::Buffer;
 use crate::kernel::map::{View, ViewMut};
 use crate::kernel::pieces::{Piece, pieces};
 use crate::kernel::simd::Isa;
+use crate::kernel::team::{Shared, each, each_of};
 use crate::kernel::tile::{Tile, panels, tile_fn, tile_rows};
 
 /// At most as many pixels share one pass over the weights.
@@ -45,11 +44,11 @@ impl<'a> Packed<'a> {
             parts.push((first, width, stride, panel));
             rest = next;
         }
-        parts.into_par_iter().for_each(|(first, width, stride, panel)| {
+        each_of(&mut parts, |_, (first, width, stride, panel)| {
             if width < stride {
                 panel.fill(0.0);
             }
-            fill(first, width, stride, panel);
+            fill(*first, *width, *stride, panel);
         });
         Self { isa, columns, depth, floats: buffer }
     }
@@ -118,7 +117,7 @@ impl Task<'_> {
     /// All panels of all pixels, and what is to be done when pixels have been written.
     fn in_chunks(&self, written: &Written) {
         let panels = panels(self.weights.isa, self.weights.columns);
-        (0..self.windows.pixels().div_ceil(CHUNK)).into_par_iter().with_max_len(1).for_each(|i| {
+        each(self.windows.pixels().div_ceil(CHUNK), |i| {
             self.run(i * CHUNK, CHUNK, &panels);
             // SAFETY: the pixels lie in the target, and this thread alone writes them
             written(i * CHUNK, unsafe { self.written(i * CHUNK, CHUNK) });
@@ -134,10 +133,7 @@ impl Task<'_> {
         let wanted = if threads == 1 { 1 } else { (TASKS * threads).div_ceil(blocks.max(1)) };
         let share = panels.len().div_ceil(wanted);
         let groups: Vec<_> = panels.chunks(share.max(1)).collect();
-        (0..blocks * groups.len())
-            .into_par_iter()
-            .with_max_len(1)
-            .for_each(|i| self.run(i / groups.len() * pixels, pixels, groups[i % groups.len()]));
+        each(blocks * groups.len(), |i| self.run(i / groups.len() * pixels, pixels, groups[i % groups.len()]));
     }
 
     /// Some panels of up to `most` pixels from `first` on.

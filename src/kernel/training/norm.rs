@@ -1,11 +1,10 @@
 //! Batch norm (Ioffe and Szegedy 2015) as a factor and an offset of each channel, followed by bounds.
 
-use rayon::prelude::*;
-
-use super::chunks::{CHUNK, LEAF};
+use super::chunks::CHUNK;
 use crate::kernel::dispatch::{Work, dispatch, load, store_or_stream};
 use crate::kernel::map::{View, ViewMut};
 use crate::kernel::simd::{Isa, Simd, fence, isa};
+use crate::kernel::team::each_part;
 
 /// A scale and a shift for each channel, then perhaps a sum, then perhaps bounds.
 #[derive(Debug, Clone, Copy)]
@@ -27,13 +26,12 @@ impl Normalization<'_> {
         self.apply_with(isa(), z, add, y);
     }
 
-    pub(super) fn apply_with(&self, isa: Isa, z: View, add: Option<View>, y: ViewMut) {
+    pub(super) fn apply_with(&self, isa: Isa, z: View, add: Option<View>, mut y: ViewMut) {
         let shape = z.shape;
         let one_shape = y.shape == shape && add.is_none_or(|add| add.shape == shape);
         assert!(one_shape && self.scale.len() == shape.channels && self.shift.len() == shape.channels, "other shapes");
         let (stride, streamed) = (y.stride, y.streamed());
-        let chunks = shape.pixels().div_ceil(CHUNK);
-        y.data.par_chunks_mut(CHUNK * stride.max(1)).take(chunks).enumerate().with_max_len(LEAF).for_each(|(i, y)| {
+        each_part(y.floats(), CHUNK * stride.max(1), |i, y| {
             let pixels = CHUNK.min(shape.pixels() - i * CHUNK);
             dispatch(isa, Apply { norm: *self, z, add, first: i * CHUNK, pixels, y, stride, streamed });
         });

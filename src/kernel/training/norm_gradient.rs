@@ -1,12 +1,11 @@
 //! The gradient of a batch norm with the statistics of the batch, and of bounds that follow it.
 
-use rayon::prelude::*;
-
-use super::chunks::{CHUNK, ChunkSums, LEAF, take, total};
+use super::chunks::{CHUNK, ChunkSums, take, total};
 use super::norm::Normalization;
 use crate::kernel::dispatch::{Work, dispatch, load, store, store_or_stream};
 use crate::kernel::map::{Shape, View, ViewMut};
 use crate::kernel::simd::{Isa, Simd, fence, isa};
+use crate::kernel::team::each_of;
 
 /// The gradient of y = bounded(γ (z − mean) · inverse + β + added).
 #[derive(Debug, Clone, Copy)]
@@ -128,18 +127,15 @@ impl NormGradient<'_> {
         let streamed = dz.streamed();
         let (stride, added_stride) = (dz.stride, by_added.as_ref().map_or(0, |(map, _)| map.stride));
         let accumulate = by_added.as_ref().is_some_and(|(_, accumulate)| *accumulate);
-        let mut added: Vec<_> = match by_added {
-            Some((map, _)) => map.data.chunks_mut(CHUNK * added_stride.max(1)).take(chunks).map(Some).collect(),
-            None => std::iter::repeat_with(|| None).take(chunks).collect(),
-        };
-        dz.data.par_chunks_mut(CHUNK * stride.max(1)).zip(&mut added).enumerate().with_max_len(LEAF).for_each(
-            |(i, (dz, added))| {
-                let first = i * CHUNK;
-                let added = added.as_deref_mut().map(|map| (map, added_stride, accumulate));
-                let pixels = CHUNK.min(pixels - first);
-                dispatch(isa, WriteGradient { norm: self, dy, factors, first, pixels, dz, stride, streamed, added });
-            },
-        );
+        let mut added = by_added.map(|(map, _)| map.data.chunks_mut(CHUNK * added_stride.max(1)));
+        let dz = dz.data.chunks_mut(CHUNK * stride.max(1)).take(chunks);
+        let mut parts: Vec<_> = dz.map(|dz| (dz, added.as_mut().and_then(Iterator::next))).collect();
+        each_of(&mut parts, |i, (dz, added)| {
+            let first = i * CHUNK;
+            let added = added.as_deref_mut().map(|map| (map, added_stride, accumulate));
+            let pixels = CHUNK.min(pixels - first);
+            dispatch(isa, WriteGradient { norm: self, dy, factors, first, pixels, dz, stride, streamed, added });
+        });
     }
 }
 

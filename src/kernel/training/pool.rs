@@ -1,13 +1,12 @@
 //! Pools in training: the maximum with a record of where it stood, and gradients of maximum and average.
 
-use rayon::prelude::*;
-
 use super::channelwise::{Shares, Sum};
 use super::runs::{Run, Runs};
 use super::windows::rows_mut;
 use crate::kernel::dispatch::{Work, dispatch, load, store};
 use crate::kernel::map::{View, ViewMut, Window};
 use crate::kernel::simd::{Isa, Simd};
+use crate::kernel::team::each_of;
 
 /// The winner of a window that is wholly outside the image.
 const NOBODY: u8 = u8::MAX;
@@ -25,9 +24,10 @@ pub fn max_pool_with_winners(isa: Isa, window: Window, x: View, mut out: ViewMut
     assert!(window.height * window.width <= usize::from(NOBODY), "more taps than a byte can name");
     let (channels, stride) = (shape.channels, out.stride);
     let runs = Runs::forward(window, x.shape, shape);
-    let winners = winners.par_chunks_mut((shape.width * channels).max(1));
-    rows_mut(&mut out).zip(winners).enumerate().for_each_init(Vec::new, |terms, (row, (out, winners))| {
-        runs.of_row(row, terms, |run| {
+    let winners = winners.chunks_mut((shape.width * channels).max(1));
+    let mut rows: Vec<_> = rows_mut(&mut out).zip(winners).collect();
+    each_of(&mut rows, |row, (out, winners)| {
+        runs.of_row(row, &mut Vec::new(), |run| {
             let (out, winners) = (&mut out[run.first * stride..], &mut winners[run.first * channels..]);
             dispatch(isa, Maximum { run, x, out, stride, winners });
         });
@@ -79,8 +79,9 @@ pub fn max_pool_gradient(isa: Isa, window: Window, dy: View, winners: &[u8], mut
     check(isa, window, dy, &dx);
     let stride = dx.stride;
     let runs = Runs::backward(window, dx.shape, dy.shape);
-    rows_mut(&mut dx).enumerate().for_each_init(Vec::new, |terms, (row, dx)| {
-        runs.of_row(row, terms, |run| {
+    let mut rows: Vec<_> = rows_mut(&mut dx).collect();
+    each_of(&mut rows, |row, dx| {
+        runs.of_row(row, &mut Vec::new(), |run| {
             dispatch(isa, OfWinners { run, dy, winners, dx: &mut dx[run.first * stride..], stride, accumulate });
         });
     });
@@ -141,8 +142,9 @@ pub fn average_pool_gradient(
     let stride = dx.stride;
     let runs = Runs::backward(window, dx.shape, dy.shape);
     let factors = Shares { pixels: counts_outside.then_some(window.height * window.width) };
-    rows_mut(&mut dx).enumerate().for_each_init(Vec::new, |terms, (row, dx)| {
-        runs.of_row(row, terms, |run| {
+    let mut rows: Vec<_> = rows_mut(&mut dx).collect();
+    each_of(&mut rows, |row, dx| {
+        runs.of_row(row, &mut Vec::new(), |run| {
             let out = &mut dx[run.first * stride..];
             dispatch(isa, Sum { run, maps: dy, factors, out, stride, accumulate });
         });

@@ -7,12 +7,11 @@
 use std::cell::RefCell;
 use std::ops::Range;
 
-use rayon::prelude::*;
-
 use super::copies::{Gradients, Inputs, Tiling};
-use super::shared::Shared;
+
 use crate::kernel::map::{View, Window};
 use crate::kernel::simd::Isa;
+use crate::kernel::team::{Shared, each};
 use crate::kernel::tile::{Tile, panels, tile_fn};
 
 /// About as many output pixels are worked on at a time: a tile and part of a panel of them stay in the first-level cache.
@@ -65,7 +64,7 @@ impl<'a> WeightGradient<'a> {
         let dw = Shared::new(dw);
         let (unit_groups, column_groups) = self.groups();
         let panels: Vec<_> = (0..column_groups).map(|i| self.panels(i, column_groups)).collect();
-        (0..unit_groups * column_groups).into_par_iter().with_max_len(1).for_each(|i| {
+        each(unit_groups * column_groups, |i| {
             let units = share(i / column_groups, unit_groups, self.units());
             let part = Part { units, panels: &panels[i % column_groups] };
             COPIES.with_borrow_mut(|copies| self.task(&part, copies, dw, accumulate));

@@ -202,12 +202,9 @@ impl<'a> Windows<'a> {
 }
 
 /// `maps` cut into its rows (of one image after the other), each with at least the floats of its pixels.
-pub(super) fn rows_mut<'a>(maps: &'a mut ViewMut) -> impl rayon::iter::IndexedParallelIterator<Item = &'a mut [f32]> {
-    use rayon::prelude::*;
-    /// Rows that a thread takes at a time.
-    const LEAF: usize = 8;
+pub(super) fn rows_mut<'a>(maps: &'a mut ViewMut) -> impl Iterator<Item = &'a mut [f32]> {
     let rows = maps.shape.images * maps.shape.height;
-    maps.data.par_chunks_mut((maps.shape.width * maps.stride).max(1)).take(rows).with_max_len(LEAF)
+    maps.data.chunks_mut((maps.shape.width * maps.stride).max(1)).take(rows)
 }
 
 #[cfg(test)]
