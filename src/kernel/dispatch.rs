@@ -1,6 +1,6 @@
 //! Work that is written once, for any vector type, and compiled for every instruction set.
 
-use super::simd::{Isa, Plain, Simd};
+use super::simd::{Isa, Plain, Simd, prefetch};
 #[cfg(target_arch = "x86_64")]
 use super::simd::{Ymm, Zmm};
 
@@ -42,6 +42,21 @@ fn avx2(work: impl Work) {
     unsafe { work.run::<Ymm>() }
 }
 
+/// Floats from what a pass over maps works on to what it has fetched. The processor itself fetches up to the end of a page;
+/// this is the next one.
+const AHEAD: usize = 1024;
+
+/// [`load`] in a pass over memory that was not used for long: what comes soon is fetched.
+///
+/// # Safety
+/// As for [`load`].
+#[inline(always)]
+pub(super) unsafe fn load_passing<S: Simd>(from: &[f32], at: usize) -> S {
+    prefetch(from.as_ptr().wrapping_add(at + AHEAD));
+    // SAFETY: the caller vouches for it
+    unsafe { load(from, at) }
+}
+
 /// Lanes from `from[at]` on; those past the end are 0.
 ///
 /// # Safety
@@ -70,12 +85,19 @@ pub(super) unsafe fn store<S: Simd>(value: S, to: &mut [f32], at: usize) {
     }
 }
 
-/// [`store`], or past the caches.
+/// [`store`] in a pass over memory that was not used for long: past the caches, or what comes soon is fetched.
 ///
 /// # Safety
 /// As for [`store`]; with `streamed`, the address is a multiple of a vector's size, and all lanes are inside the slice.
 #[inline(always)]
-pub(super) unsafe fn store_or_stream<S: Simd>(value: S, to: &mut [f32], at: usize, streamed: bool) {
+pub(super) unsafe fn store_passing<S: Simd>(value: S, to: &mut [f32], at: usize, streamed: bool) {
     // SAFETY: the caller vouches for it
-    unsafe { if streamed { value.stream(to.as_mut_ptr().add(at)) } else { store(value, to, at) } }
+    unsafe {
+        if streamed {
+            value.stream(to.as_mut_ptr().add(at));
+        } else {
+            prefetch(to.as_ptr().wrapping_add(at + AHEAD));
+            store(value, to, at);
+        }
+    }
 }

@@ -3,7 +3,7 @@
 use super::runs::{Run, Term};
 use crate::kernel::dispatch::{Work, load, store};
 use crate::kernel::map::View;
-use crate::kernel::simd::Simd;
+use crate::kernel::simd::{Simd, prefetch};
 
 /// The factors of terms.
 pub(super) trait Factors: Copy {
@@ -76,6 +76,9 @@ impl<F: Factors> Work for Sum<'_, F> {
     }
 }
 
+/// Pixels from the one that is written to the one whose place is fetched: it must be read before a part of its line is written.
+const AHEAD: usize = 8;
+
 impl<F: Factors> Sum<'_, F> {
     /// With vectors of the longest kind, two at a time: there are registers for the factors of both.
     #[inline(always)]
@@ -120,6 +123,9 @@ impl<F: Factors> Sum<'_, F> {
             }
             for p in 0..self.run.pixels {
                 let out = out.add(p * self.run.step * self.stride);
+                for v in 0..VECTORS {
+                    prefetch(out.wrapping_add(AHEAD * self.run.step * self.stride + c + v * S::LANES));
+                }
                 let mut sums = [S::splat(0.0); VECTORS];
                 for v in 0..VECTORS {
                     if self.accumulate {

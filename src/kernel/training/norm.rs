@@ -1,7 +1,7 @@
 //! Batch norm (Ioffe and Szegedy 2015) as a factor and an offset of each channel, followed by bounds.
 
 use super::chunks::CHUNK;
-use crate::kernel::dispatch::{Work, dispatch, load, store_or_stream};
+use crate::kernel::dispatch::{Work, dispatch, load, load_passing, store_passing};
 use crate::kernel::map::{View, ViewMut};
 use crate::kernel::simd::{Isa, Simd, fence, isa};
 use crate::kernel::team::each_part;
@@ -60,14 +60,14 @@ impl Work for Apply<'_> {
             for c in (0..z.len()).step_by(S::LANES) {
                 // SAFETY: all slices have the length of `z`; the caller vouches for the instruction set
                 unsafe {
-                    let mut value = load::<S>(z, c).fma(load(scale, c), load(shift, c));
+                    let mut value = load_passing::<S>(z, c).fma(load(scale, c), load(shift, c));
                     if let Some(add) = add {
-                        value = value.add(load(add, c));
+                        value = value.add(load_passing(add, c));
                     }
                     if let Some((low, high)) = bounds {
                         value = S::splat(high).min(S::splat(low).max(value));
                     }
-                    store_or_stream(value, y, c, self.streamed);
+                    store_passing(value, y, c, self.streamed);
                 }
             }
         }

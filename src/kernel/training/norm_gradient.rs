@@ -2,7 +2,7 @@
 
 use super::chunks::{CHUNK, ChunkSums, take, total};
 use super::norm::Normalization;
-use crate::kernel::dispatch::{Work, dispatch, load, store, store_or_stream};
+use crate::kernel::dispatch::{Work, dispatch, load, load_passing, store, store_passing};
 use crate::kernel::map::{Shape, View, ViewMut};
 use crate::kernel::simd::{Isa, Simd, fence, isa};
 use crate::kernel::team::each_of;
@@ -168,7 +168,9 @@ impl Gate<'_> {
         // SAFETY: the maps have the same channels
         unsafe {
             match *self {
-                Gate::Outputs(y, (low, high)) => dy.where_between(load(y.pixel(p), c), S::splat(low), S::splat(high)),
+                Gate::Outputs(y, (low, high)) => {
+                    dy.where_between(load_passing(y.pixel(p), c), S::splat(low), S::splat(high))
+                }
                 Gate::Normalized(Normalization { scale, shift, bounds: Some((low, high)) }) => {
                     let y = z.fma(load(scale, c), load(shift, c));
                     dy.where_between(y, S::splat(low), S::splat(high))
@@ -201,7 +203,8 @@ impl Work for AddGradients<'_> {
             for c in (0..channels).step_by(S::LANES) {
                 // SAFETY: all slices have `channels` values; the caller vouches for the instruction set
                 unsafe {
-                    let z = load::<S>(z, c);
+                    // the gradients were just written
+                    let z = load_passing::<S>(z, c);
                     let passing = gate.pass(load(dy, c), z, self.first + i, c);
                     store(load::<S>(sums, c).add(passing), sums, c);
                     let distance = z.sub(load(mean, c));
@@ -238,12 +241,12 @@ impl Work for WriteGradient<'_> {
             for c in (0..channels).step_by(S::LANES) {
                 // SAFETY: all slices have `channels` values; the caller vouches for the instruction set
                 unsafe {
-                    let z = load::<S>(z, c);
-                    let passing = gate.pass(load(dy, c), z, self.first + p, c);
+                    let z = load_passing::<S>(z, c);
+                    let passing = gate.pass(load_passing(dy, c), z, self.first + p, c);
                     let own = passing.fma(load(factor, c), load(constant, c));
-                    store_or_stream(z.sub(load(mean, c)).fma(load(slope, c), own), dz, c, self.streamed);
+                    store_passing(z.sub(load(mean, c)).fma(load(slope, c), own), dz, c, self.streamed);
                     if let Some((map, add)) = &mut added {
-                        store(if *add { load::<S>(map, c).add(passing) } else { passing }, map, c);
+                        store_passing(if *add { load::<S>(map, c).add(passing) } else { passing }, map, c, false);
                     }
                 }
             }
