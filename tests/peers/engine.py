@@ -2,7 +2,7 @@
 
 Without arguments it prints one JSON line with the versions of the libraries it found and the names of the works it
 can do, then reads lines `WORK THREADS` and answers each with a JSON line: seconds of wall clock and of processor
-time for one round. With `--peak WORK` it does the work once on one thread and prints the peak of its
+time that it took. With `--peak WORK` it does the work once on one thread and prints the peak of its
 memory, and how much it held before, in MiB. No library is imported that the work does not use.
 """
 

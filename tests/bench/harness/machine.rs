@@ -7,7 +7,7 @@ use serde_json::{Map, Value, json};
 
 use super::{Job, PEAK_FLAG};
 
-/// Wall-clock and processor time of one round.
+/// Wall-clock and processor time of a work.
 #[derive(Clone, Copy)]
 pub struct Time {
     pub seconds: f64,
@@ -19,6 +19,15 @@ pub fn timed(work: impl FnOnce()) -> Time {
     let (begun, used) = (Instant::now(), processor_seconds());
     work();
     Time { seconds: begun.elapsed().as_secs_f64(), processor: processor_seconds() - used }
+}
+
+/// The mean of `n` times, taken one after the other.
+pub fn mean_time(n: usize, mut time: impl FnMut() -> Time) -> Time {
+    let mean = |sum: Time, time: Time| Time {
+        seconds: sum.seconds + time.seconds / n as f64,
+        processor: sum.processor + time.processor / n as f64,
+    };
+    (0..n).map(|_| time()).fold(Time { seconds: 0.0, processor: 0.0 }, mean)
 }
 
 /// Processor time of all threads of this process.

@@ -8,7 +8,7 @@ use std::path::Path;
 use panotune::store;
 use serde_json::{Map, Value, json};
 
-use machine::{Time, timed};
+use machine::{Time, mean_time, timed};
 use peers::Peers;
 
 /// Asks this program, or a peer, for the memory of one job.
@@ -17,13 +17,18 @@ pub const PEAK_FLAG: &str = "--peak";
 /// Numbers of threads that everything is run with.
 const THREADS: [usize; 2] = [1, 2];
 
-/// Rounds that count, unless `PANOTUNE_ROUNDS` says otherwise; one before them fills caches.
+/// Rounds, unless `PANOTUNE_ROUNDS` says otherwise.
 const ROUNDS: usize = 9;
+
+/// A work is done as often in a round as takes our one thread about so long: what else a shared machine does takes a thread away
+/// for some hundredths of a second, which would decide a short round on two threads.
+const ROUND_SECONDS: f64 = 1.0;
+const MOST_WORKS: f64 = 20.0;
 
 /// Something to be measured.
 pub struct Job {
     pub name: String,
-    /// What a round does `units` of.
+    /// What the work is `units` of.
     pub unit: &'static str,
     pub units: f64,
     /// Works of `tests/peers/engine.py` that do the same.
@@ -35,9 +40,9 @@ pub struct Job {
 
 /// A job ready to run.
 pub struct Prepared {
-    /// One round, on the threads of the current pool.
+    /// Does the work once, on the threads of the current pool.
     pub work: Box<dyn FnMut() + Send>,
-    /// Multiplications with addition in a round, where they can be counted.
+    /// Multiplications with addition in it, where they can be counted.
     pub multiply_adds: Option<f64>,
 }
 
@@ -73,20 +78,27 @@ fn measure(job: Job, peers: &mut Peers, peaks: &mut [Vec<f64>; THREADS.len()]) -
     let mut prepared = make();
     let (mut ours, mut theirs) = (Times::default(), names.iter().map(|_| Times::default()).collect::<Vec<_>>());
     let mut round_peaks = [const { Vec::new() }; THREADS.len()];
-    for round in 0..=rounds() {
+    // caches are filled
+    for (pool, threads) in pools.iter().zip(THREADS) {
+        pool.install(&mut prepared.work);
+        for work in &names {
+            peers.time(work, threads);
+        }
+    }
+    let works =
+        (ROUND_SECONDS / timed(|| pools[0].install(&mut prepared.work)).seconds).clamp(1.0, MOST_WORKS) as usize;
+    for _ in 0..rounds() {
         for (t, pool) in pools.iter().enumerate() {
-            let time = timed(|| pool.install(&mut prepared.work));
+            ours.0[t].push(mean_time(works, || timed(|| pool.install(&mut prepared.work))));
             // before the peers, whose threads go on spinning for a while
-            let peak = machine::peak_gflops(pool);
-            let answers: Vec<Time> = names.iter().map(|work| peers.time(work, THREADS[t])).collect();
-            if round > 0 {
-                round_peaks[t].extend(peak);
-                ours.0[t].push(time);
-                theirs.iter_mut().zip(answers).for_each(|(times, answer)| times.0[t].push(answer));
+            round_peaks[t].extend(machine::peak_gflops(pool));
+            for (times, work) in theirs.iter_mut().zip(&names) {
+                times.0[t].push(mean_time(works, || peers.time(work, THREADS[t])));
             }
         }
     }
-    let mut row = json!({ "name": name, "unit": unit, "units": units, "rounds": rounds(), "ours": ours.summary() });
+    let mut row = json!({ "name": name, "unit": unit, "units": units, "ours": ours.summary() });
+    (row["rounds"], row["works_per_round"]) = (json!(rounds()), json!(works));
     row["ours"]["speedup_of_two_threads"] = json!(median(&ratios(&ours.0[0], &ours.0[1], |time| time.seconds)));
     if let Some(multiply_adds) = prepared.multiply_adds {
         let rate = |time: &Time| 2.0 * multiply_adds / time.seconds / 1e9;

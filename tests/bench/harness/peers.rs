@@ -41,7 +41,7 @@ impl Peers {
         self.0.as_ref().is_some_and(|p| p.works.iter().any(|w| w == work))
     }
 
-    /// Time of one round of `work`.
+    /// Time of `work`, done once.
     pub fn time(&mut self, work: &str, threads: usize) -> Time {
         let answer = self.0.as_mut().and_then(|p| p.ask(&format!("{work} {threads}")));
         let seconds = |key: &str| answer.as_ref().and_then(|a| a[key].as_f64());

@@ -11,7 +11,7 @@ use crate::harness::{Job, Prepared};
 
 const PANORAMA_WIDTH: usize = 2048;
 const VIEW_PX: u32 = 299;
-/// As many as make a round long against what it takes to wake a thread.
+/// As many as take long against what it takes to wake a thread.
 const VIEWS: u32 = 96;
 /// That of `configs/dataset/wide_angle.yaml`.
 const RESOLUTION: u32 = 97;
