@@ -11,11 +11,14 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use rayon::prelude::*;
 
-/// Does `work` on a thread of the current pool; the other threads of the pool wait for its loops ([`each`]) until it is done.
-/// Meanwhile they also do what else there is to do in the pool.
+/// Does `work` on a thread of the current pool. Threads of the pool that have nothing else to do then wait for its loops
+/// ([`each`]) until it is done; meanwhile they also do what else comes up in the pool.
+///
+/// `work` must not wait for the pool in other ways, e.g. by `rayon::join`: a thread that has taken such a task would go on to
+/// wait for loops before it has ended it.
 pub(crate) fn lead<R: Send>(work: impl FnOnce() -> R + Send) -> R {
     let threads = rayon::current_num_threads();
-    if threads == 1 || matches!(ROLE.get(), Role::Leader(_)) {
+    if threads == 1 || matches!(ROLE.get(), Role::Leader(_) | Role::Working) {
         return work();
     }
     if rayon::current_thread_index().is_none() {
@@ -29,19 +32,21 @@ pub(crate) fn lead<R: Send>(work: impl FnOnce() -> R + Send) -> R {
     work()
 }
 
-/// Calls `f` for all numbers below `count`, on the threads of the team or, outside [`lead`], of the current pool. In what
-/// order is not said.
+/// Calls `f` for all numbers below `count`, on those threads of the team that are there or, outside [`lead`], on those of the
+/// current pool. In what order is not said. A loop in `f` is done by its thread alone.
 pub(crate) fn each(count: usize, f: impl Fn(usize) + Sync) {
     match ROLE.get() {
         _ if count <= 1 || rayon::current_num_threads() == 1 => (0..count).for_each(f),
         // SAFETY: `lead` has not returned, and holds the team
         Role::Leader(team) => unsafe { &*team }.share(count, &f),
-        Role::None | Role::Member => (0..count).into_par_iter().for_each(&f),
+        Role::Working => (0..count).for_each(f),
+        Role::None | Role::Waiting => (0..count).into_par_iter().for_each(&f),
     }
 }
 
 /// [`each`] for parts of `data` of `len` elements, of which the last may be shorter; `f` is given their number and the part.
 pub(crate) fn each_part<T: Send>(data: &mut [T], len: usize, f: impl Fn(usize, &mut [T]) + Sync) {
+    assert!(len > 0 || data.is_empty(), "parts of no elements");
     let all = data.len();
     let begin = Shared::new(data);
     each(all.div_ceil(len.max(1)), |i| {
@@ -66,8 +71,10 @@ enum Role {
     None,
     /// It shares the loops that it comes to.
     Leader(*const Team),
-    /// It works on a loop, or waits for one. Loops that it comes to itself are the pool's.
-    Member,
+    /// It waits for a loop, or does something else of the pool.
+    Waiting,
+    /// It works on a loop.
+    Working,
 }
 
 impl Role {
@@ -106,8 +113,8 @@ struct Team {
     panic: Mutex<Option<Box<dyn Any + Send>>>,
 }
 
-// SAFETY: the leader writes `task` only while the round is even and no member is inside; members read it only inside, after
-// they have seen an odd round
+// SAFETY: the leader writes `task` only while the round is even and no member is inside who has seen it odd; members read it
+// only inside, after they have seen an odd round
 unsafe impl Sync for Team {}
 // SAFETY: as above
 unsafe impl Send for Team {}
@@ -137,24 +144,29 @@ impl Team {
 
     /// Shares a loop with the members, and returns when it has ended.
     fn share(&self, count: usize, f: &(dyn Fn(usize) + Sync)) {
-        // SAFETY: only the lifetime differs, and members use it only before `share` returns
+        // SAFETY: only the lifetime differs, and members use it only before `share` returns or unwinds
         let f = unsafe { std::mem::transmute::<&(dyn Fn(usize) + Sync), &'static (dyn Fn(usize) + Sync)>(f) };
         let task = Task { f, count };
+        // of a loop in which the leader panicked too
+        drop(self.take_panic());
         for (thread, part) in self.parts.iter().enumerate() {
             part.0.store(self.first(thread, count), Ordering::Relaxed);
         }
-        // SAFETY: the round is even and no member is inside
+        // SAFETY: the round is even, and no member is inside who has seen it odd
         unsafe { *self.task.get() = Some(task) };
         self.round.0.fetch_add(1, Ordering::Release);
         let end = Finally(|| self.end());
-        let role = Role::Member.take();
+        let role = Role::Working.take();
         self.work(task, rayon::current_thread_index().unwrap_or_default());
         drop(role);
         drop(end);
-        let panic = self.panic.lock().unwrap_or_else(PoisonError::into_inner).take();
-        if let Some(panic) = panic {
+        if let Some(panic) = self.take_panic() {
             resume_unwind(panic);
         }
+    }
+
+    fn take_panic(&self) -> Option<Box<dyn Any + Send>> {
+        self.panic.lock().unwrap_or_else(PoisonError::into_inner).take()
     }
 
     /// The first number of a thread's part.
@@ -192,7 +204,7 @@ impl Team {
         if !matches!(ROLE.get(), Role::None) {
             return;
         }
-        let _role = Role::Member.take();
+        let _role = Role::Waiting.take();
         let mut round = 0;
         while round != STOPPED {
             if round % 2 == 1 {
@@ -218,6 +230,7 @@ impl Team {
         if self.round.0.load(Ordering::SeqCst) % 2 == 1 {
             // SAFETY: the round is odd, and does not end before this thread has left
             let task = unsafe { *self.task.get() };
+            let _role = Role::Working.take();
             if let Err(panic) = catch_unwind(AssertUnwindSafe(|| task.iter().for_each(|task| self.work(*task, thread))))
             {
                 *self.panic.lock().unwrap_or_else(PoisonError::into_inner) = Some(panic);
@@ -329,37 +342,34 @@ mod tests {
         pool(2).install(|| {
             lead(|| {
                 let leader = rayon::current_thread_index();
-                for at_leader in [true, false] {
+                for (leader_fails, member_fails) in [(true, false), (false, true), (true, true)] {
                     let here = AtomicUsize::new(0);
                     let fail = |_| {
                         meet(&here, 2);
-                        assert!((rayon::current_thread_index() == leader) != at_leader, "as was to be");
+                        let fails = if rayon::current_thread_index() == leader { leader_fails } else { member_fails };
+                        assert!(!fails, "as was to be");
                     };
                     let panic = catch_unwind(AssertUnwindSafe(|| each(2, fail))).unwrap_err();
-                    assert_eq!(panic.downcast_ref(), Some(&"as was to be"), "{at_leader}");
+                    assert_eq!(panic.downcast_ref(), Some(&"as was to be"), "{leader_fails} {member_fails}");
+                    assert!(calls(100).into_iter().all(|n| n == 1));
                 }
-                assert!(calls(100).into_iter().all(|n| n == 1));
             });
         });
     }
 
     #[test]
-    fn loops_in_loops_teams_side_by_side_and_other_work_of_the_pool_come_to_an_end() {
+    fn loops_in_loops_and_teams_side_by_side_come_to_an_end() {
         for threads in 2..=4 {
             let sum = AtomicU64::new(0);
             let add = |i| {
                 sum.fetch_add(i as u64, Ordering::Relaxed);
             };
             let nested = || each(10, |_| each(10, add));
-            let joined = || {
-                rayon::join(nested, nested);
-            };
             let team = || lead(|| (0..20).for_each(|_| [nested, nested].iter().for_each(|f| f())));
             pool(threads).install(|| {
                 rayon::join(team, || rayon::join(team, team));
-                lead(|| lead(joined));
             });
-            assert_eq!(sum.into_inner(), (3 * 40 + 2) * 10 * 45, "{threads} threads");
+            assert_eq!(sum.into_inner(), 3 * 40 * 10 * 45, "{threads} threads");
         }
     }
 

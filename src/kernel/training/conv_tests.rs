@@ -66,6 +66,12 @@ fn check(window: Window, x_shape: Shape, out: Shape, gaps: (usize, usize), accum
     }
 }
 
+#[test]
+fn many_blocks_of_whole_tiles_do_not_reach_past_the_last_pixel() {
+    let shape = Shape { images: 8, height: 28, width: 28, channels: 1 };
+    check(Window::square(1, 1), shape, shape, (0, 0), false);
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
     #[test]

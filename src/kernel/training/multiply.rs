@@ -129,6 +129,8 @@ impl Task<'_> {
         let panels = panels(self.weights.isa, self.weights.columns);
         let blocks = self.windows.pixels().div_ceil(PIXELS);
         let pixels = self.windows.pixels().div_ceil(blocks.max(1)).next_multiple_of(tile_rows(self.weights.isa));
+        // whole tiles may fill fewer
+        let blocks = self.windows.pixels().div_ceil(pixels.max(1));
         let threads = rayon::current_num_threads();
         let wanted = if threads == 1 { 1 } else { (TASKS * threads).div_ceil(blocks.max(1)) };
         let share = panels.len().div_ceil(wanted);
