@@ -7,7 +7,7 @@ use super::channelwise::{Sum, Weights};
 use super::chunks::{CHUNK, Written, take};
 use super::moments::Moments;
 use super::norm_gradient::{GradientSums, NormGradient};
-use super::runs::{Runs, Term};
+use super::runs::Runs;
 use super::windows::rows_mut;
 use crate::kernel::dispatch::{Work, dispatch, load, store};
 use crate::kernel::map::{Shape, View, ViewMut, Window};
@@ -65,7 +65,7 @@ impl TrainableDepthwise {
         let runs = Runs::forward(self.window, x.shape, out.shape);
         let sum = Sums { runs: &runs, maps: x, factors: self.factors(weights), isa: self.isa, accumulate: false };
         // the moments' origin is the first pixel
-        sum.row(0, out.data, out.stride, &mut Vec::new());
+        sum.row(0, out.data, out.stride);
         let origin = &out.data[..self.channels];
         let written = moments.begin(self.isa, origin, out.shape.pixels(), out.stride);
         sum.rows(&mut out, Some(&written));
@@ -139,9 +139,9 @@ struct Sums<'a> {
 
 impl Sums<'_> {
     /// Those of a row into `out`, whose pixels are `stride` floats apart.
-    fn row(&self, row: usize, out: &mut [f32], stride: usize, terms: &mut Vec<Term>) {
+    fn row(&self, row: usize, out: &mut [f32], stride: usize) {
         let &Sums { maps, factors, accumulate, .. } = self;
-        self.runs.of_row(row, terms, |run| {
+        self.runs.of_row(row, |run| {
             let out = &mut out[run.first * stride..];
             dispatch(self.isa, Sum { run, maps, factors, out, stride, accumulate });
         });
@@ -157,7 +157,7 @@ impl Sums<'_> {
             _ => {
                 let stride = out.stride;
                 let mut rows: Vec<_> = rows_mut(out).collect();
-                each_of(&mut rows, |row, out| self.row(row, out, stride, &mut Vec::new()));
+                each_of(&mut rows, |row, out| self.row(row, out, stride));
                 let maps = View { data: out.data, shape: out.shape, stride };
                 written.iter().for_each(|written| take(maps, written));
             }
@@ -167,9 +167,8 @@ impl Sums<'_> {
     fn in_chunks(&self, out: &mut ViewMut, together: usize, written: &Written) {
         let (width, stride) = (out.shape.width, out.stride);
         each_part(out.floats(), together * width * stride, |i, block| {
-            let mut terms = Vec::new();
             for (j, out) in block.chunks_mut(width * stride).enumerate() {
-                self.row(i * together + j, out, stride, &mut terms);
+                self.row(i * together + j, out, stride);
             }
             written(i * together * width, block);
         });

@@ -27,7 +27,7 @@ pub fn max_pool_with_winners(isa: Isa, window: Window, x: View, mut out: ViewMut
     let winners = winners.chunks_mut((shape.width * channels).max(1));
     let mut rows: Vec<_> = rows_mut(&mut out).zip(winners).collect();
     each_of(&mut rows, |row, (out, winners)| {
-        runs.of_row(row, &mut Vec::new(), |run| {
+        runs.of_row(row, |run| {
             let (out, winners) = (&mut out[run.first * stride..], &mut winners[run.first * channels..]);
             dispatch(isa, Maximum { run, x, out, stride, winners });
         });
@@ -81,7 +81,7 @@ pub fn max_pool_gradient(isa: Isa, window: Window, dy: View, winners: &[u8], mut
     let runs = Runs::backward(window, dx.shape, dy.shape);
     let mut rows: Vec<_> = rows_mut(&mut dx).collect();
     each_of(&mut rows, |row, dx| {
-        runs.of_row(row, &mut Vec::new(), |run| {
+        runs.of_row(row, |run| {
             dispatch(isa, OfWinners { run, dy, winners, dx: &mut dx[run.first * stride..], stride, accumulate });
         });
     });
@@ -144,7 +144,7 @@ pub fn average_pool_gradient(
     let factors = Shares { pixels: counts_outside.then_some(window.height * window.width) };
     let mut rows: Vec<_> = rows_mut(&mut dx).collect();
     each_of(&mut rows, |row, dx| {
-        runs.of_row(row, &mut Vec::new(), |run| {
+        runs.of_row(row, |run| {
             let out = &mut dx[run.first * stride..];
             dispatch(isa, Sum { run, maps: dy, factors, out, stride, accumulate });
         });

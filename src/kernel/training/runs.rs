@@ -1,5 +1,7 @@
 //! Rows of pixels cut into runs for which the same taps of a window are in place.
 
+use std::cell::RefCell;
+
 use super::windows::Axis;
 use crate::kernel::map::{Shape, View, Window};
 
@@ -103,8 +105,15 @@ impl Runs {
         }
     }
 
-    /// Calls `f` for all runs of row `row`, counted over all images; `terms` is memory for their terms.
-    pub fn of_row(&self, row: usize, terms: &mut Vec<Term>, mut f: impl FnMut(Run)) {
+    /// Calls `f` for all runs of row `row`, counted over all images. A thread keeps the memory of their terms.
+    pub fn of_row(&self, row: usize, mut f: impl FnMut(Run)) {
+        thread_local! {
+            static TERMS: RefCell<Vec<Term>> = const { RefCell::new(Vec::new()) };
+        }
+        TERMS.with_borrow_mut(|terms| self.of_row_with(row, terms, &mut f));
+    }
+
+    fn of_row_with(&self, row: usize, terms: &mut Vec<Term>, f: &mut impl FnMut(Run)) {
         let first_row = row / self.rows.len() * self.terms.0;
         for columns in &self.columns {
             terms.clear();
@@ -146,9 +155,9 @@ mod tests {
 
     /// All pairs of a pixel and a term, from the runs of all rows.
     fn pairs(runs: &Runs, shape: Shape) -> Vec<(usize, Term)> {
-        let (mut pairs, mut terms) = (Vec::new(), Vec::new());
+        let mut pairs = Vec::new();
         for row in 0..shape.images * shape.height {
-            runs.of_row(row, &mut terms, |run| {
+            runs.of_row(row, |run| {
                 for i in 0..run.pixels {
                     let pixel = row * shape.width + run.first + i * run.step;
                     let shift = |t: &Term| Term { pixel: t.pixel + i * run.term_step, ..*t };
