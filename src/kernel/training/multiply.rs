@@ -3,7 +3,6 @@
 use std::cell::RefCell;
 
 use super::chunks::{CHUNK, Written, take};
-
 use super::windows::{Phase, Place, Windows};
 use crate::kernel::buffer::Buffer;
 use crate::kernel::map::{View, ViewMut};

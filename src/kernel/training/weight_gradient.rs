@@ -8,7 +8,6 @@ use std::cell::RefCell;
 use std::ops::Range;
 
 use super::copies::{Gradients, Inputs, Tiling};
-
 use crate::kernel::map::{View, Window};
 use crate::kernel::simd::Isa;
 use crate::kernel::team::{Shared, each};
